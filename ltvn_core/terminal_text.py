@@ -1,4 +1,4 @@
-"""Text from and to a terminal: unknown names, numbers, and printed text without control characters.
+"""Text from and for people: unknown names, numbers, counts, and printed text without control characters.
 
 Texts of recordings and names of files may contain control characters. An escape sequence can rename the window, write
 to the clipboard, or hide the text before it.
@@ -20,6 +20,11 @@ def which_name(typed: str, names: Iterable[str]) -> str:
     close = get_close_matches(typed.lower(), known, n=1)
     guess = f"Did you mean {close[0]}? " if close else ""
     return f"{guess}Choose one of: {', '.join(known)}"
+
+
+def count_text(count: int, thing: str, things: str = "") -> str:
+    """Return a number of things as text, such as "3 edges"; `things` is the plural if it does not only add an s."""
+    return f"{count:,} {thing if count == 1 else things or f'{thing}s'}"
 
 
 def parse_number(word: str, text: str, what: str) -> float:

@@ -33,11 +33,12 @@ class RuleUse(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The rule, its value and the number that was compared with it, as text."""
+        """The rule in words, its value, and the number that was compared with it."""
+        words = self.rule.rpartition(".")[2].replace("_", " ")
         if self.limit is None:
-            return f"{self.rule}, a rule of an older version"
+            return f"{words}: a rule of an older version"
         limit = ("on" if self.limit else "off") if isinstance(self.limit, bool) else f"{self.limit:g}"
-        return f"{self.rule} = {limit}" + ("" if self.found is None else f" (here {self.found:.2f})")
+        return f"{words}: {limit}" if self.found is None else f"{words}: {self.found:.2f}, limit {limit}"
 
 
 @dataclass(frozen=True, slots=True)

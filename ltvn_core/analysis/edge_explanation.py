@@ -13,7 +13,6 @@ from ltvn_core.analysis.plan_alternative import (
     ExplanationKind,
     ExplanationStep,
     belief_text,
-    count_text,
     explain_planned_edge,
 )
 from ltvn_core.analysis.timeline import Timeline
@@ -29,6 +28,7 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import Localised
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId
 
 __all__ = ["explain_edge_belief", "explain_missing_edge", "explain_node", "explain_planned_edge", "explain_pruned_edge"]

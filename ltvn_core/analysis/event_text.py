@@ -13,6 +13,7 @@ from typing import assert_never
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId
 from ltvn_core.worlds import change_text
 
@@ -70,10 +71,8 @@ def describe_event(event: e.Event) -> EventDescription:
         case e.GraphChanged(delta):
             return describe_delta(delta)
         case e.QueryEnded(query, _, outcome, steps, collisions, path_m):
-            text = (
-                f"query {query} ended: {outcome} after {steps} steps, {path_m:.1f} m, {_count(collisions, 'collision')}"
-            )
-            return EventDescription(text)
+            driven = f"{count_text(steps, 'step')}, {path_m:.1f} m, {count_text(collisions, 'collision')}"
+            return EventDescription(f"query {query} ended: {outcome} after {driven}")
         case e.Judged(query, reached, position_m, yaw_rad):
             verdict, severity = ("reached", e.Severity.INFO) if reached else ("missed", e.Severity.ERROR)
             text = f"query {query} judged: goal {verdict}, {position_m:.2f} m and {yaw_rad:.2f} rad away"
@@ -98,7 +97,7 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
             return EventDescription(f"{edge_text(ends)} added{origin}, p {edge.belief.p:.2f} ({cause})", edge=ends)
         case d.BeliefUpdated(source, target, belief, attempts, successes, cause):
             ends = source, target
-            counts = f"{successes} of {_count(attempts, 'attempt')} succeeded"
+            counts = f"{successes} of {count_text(attempts, 'attempt')} succeeded"
             return EventDescription(f"{edge_text(ends)} has p {belief.p:.2f}, {counts} ({cause})", edge=ends)
         case d.EdgePruned(source, target, cause):
             ends = source, target
@@ -123,15 +122,15 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
         case d.DriveBegun(frame, name, cause):
             return EventDescription(f"images from {frame} on are of the drive {name!r} ({cause})")
         case d.FramesReserved(frames, cause):
-            return EventDescription(f"{_count(len(frames), 'image')} joined the reserve ({cause})")
+            return EventDescription(f"{count_text(len(frames), 'image')} joined the reserve ({cause})")
         case d.FramesReleased(frames, cause):
-            return EventDescription(f"{_count(len(frames), 'image')} left the reserve ({cause})")
+            return EventDescription(f"{count_text(len(frames), 'image')} left the reserve ({cause})")
     assert_never(delta)
 
 
 def edge_text(edge: EdgeKey) -> str:
     """Return the name of an edge, in the form that a person can type."""
-    return f"edge {edge[0]}->{edge[1]}"
+    return f"edge {edge[0]} → {edge[1]}"
 
 
 def _localised(event: e.Localised) -> EventDescription:
@@ -147,14 +146,14 @@ def _localised(event: e.Localised) -> EventDescription:
 def _planned(event: e.Planned) -> EventDescription:
     if not event.nodes:
         return EventDescription("no path to the goal", e.Severity.WARN)
-    path = f"{_count(len(event.nodes), 'node')}, cost {event.cost:.2f}: {_path(event.nodes)}"
+    path = f"{count_text(len(event.nodes), 'node')}, cost {event.cost:.2f}: {_path(event.nodes)}"
     return EventDescription(f"plan of {path}")
 
 
 def _path(nodes: Sequence[NodeId]) -> str:
     if len(nodes) > _MAX_NODES:
-        return "->".join([*map(str, nodes[: _MAX_NODES - 2]), "...", str(nodes[-1])])
-    return "->".join(map(str, nodes))
+        return " → ".join([*map(str, nodes[: _MAX_NODES - 2]), "...", str(nodes[-1])])
+    return " → ".join(map(str, nodes))
 
 
 def _attempt(event: e.AttemptStarted | e.AttemptEnded) -> str:
@@ -164,7 +163,3 @@ def _attempt(event: e.AttemptStarted | e.AttemptEnded) -> str:
 
 def _driven_edge(event: e.AttemptStarted | e.AttemptEnded) -> EdgeKey | None:
     return None if event.source is None else (event.source, event.target)
-
-
-def _count(count: int, thing: str) -> str:
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

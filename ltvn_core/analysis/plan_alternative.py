@@ -15,6 +15,7 @@ from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Belief, Cause
 from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost, with_blind_costs
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId
 
 
@@ -68,11 +69,6 @@ CAUSE_TEXTS = {
 def belief_text(belief: Belief) -> str:
     """Return a belief as text."""
     return f"p = {belief.p:.2f}, length (mu) = {belief.mu:.2f}"
-
-
-def count_text(count: int, thing: str, things: str = "") -> str:
-    """Return a number of things as text, such as "3 edges"; `things` is the plural if it does not only add an s."""
-    return f"{count} {thing}" if count == 1 else f"{count} {things or f'{thing}s'}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.analysis.plan_alternative import count_text
 from ltvn_core.analysis.what_if_scenario import prunable_edges
 from ltvn_core.config import PAPER, BeliefConfig, Method
 from ltvn_core.graph.builder import build
@@ -17,6 +16,7 @@ from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import Observation, Predictor
 
 

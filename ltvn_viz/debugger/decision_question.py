@@ -5,7 +5,7 @@ Owns the layout of the answer; `ltvn_core.analysis.decisions` finds the rule beh
 
 from typing import Never
 
-from ltvn_core.analysis.answer import Inline, Step
+from ltvn_core.analysis.answer import Hint, Inline, Step
 from ltvn_core.analysis.decisions import Decision, query_decisions
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_viz.debugger.context import DebugContext
@@ -39,11 +39,10 @@ class DecisionQuestion(Question[Never]):
         shown = decisions[-_ROWS:]
         builder.add_line(f"Query {query.id} to node {query.goal}: {len(decisions)} decisions up to now.")
         if shown:
-            builder.add_table(("when", "decision", "rule"), [_row(context, each) for each in reversed(shown)])
+            builder.add_table(("when", "decision", "because of"), [_row(context, each) for each in reversed(shown)])
         if len(shown) < len(decisions):
             earlier = Step("go back in time to see earlier ones.", "ask --at an earlier time for others.")
             builder.add_line(f"The latest {_ROWS} are shown; ", earlier)
-        builder.add_line("Rules are named as in config.py; docs/method.md says what each is worth.")
         return builder.build()
 
 
@@ -56,5 +55,6 @@ def _query_at(context: DebugContext) -> QueryRecord | None:
 
 
 def _row(context: DebugContext, decision: Decision) -> tuple[Inline, ...]:
-    rules = "; ".join(rule.text for rule in decision.rules) or "the only choice"
+    named = ", ".join(rule.rule for rule in decision.rules)
+    rules = Hint("; ".join(rule.text for rule in decision.rules), f"In config.py: {named}") if named else "no choice"
     return (time_link(context.seconds(decision.instant)), decision.text, rules)

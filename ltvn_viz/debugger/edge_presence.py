@@ -19,12 +19,12 @@ from ltvn_core.analysis.edge_presence_history import (
     presence_state,
     presence_strip,
 )
-from ltvn_core.analysis.plan_alternative import count_text
 from ltvn_core.analysis.world_clock import DAY_S, clock_text, duration_text
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import OBSTRUCTED_ENDS
 from ltvn_core.palette import Rgb8
+from ltvn_core.terminal_text import count_text
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link

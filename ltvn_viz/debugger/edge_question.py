@@ -23,10 +23,11 @@ from ltvn_core.analysis.answer import (
     Term,
 )
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeRemoval, TimedBelief, edge_history
-from ltvn_core.analysis.plan_alternative import CAUSE_TEXTS, count_text
+from ltvn_core.analysis.plan_alternative import CAUSE_TEXTS
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Waypoint
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_decisions import EdgeDecisionsPart

@@ -25,6 +25,7 @@ from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.palette import Rgb8
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import FrameId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.failure_map import add_map_faults
@@ -45,6 +46,7 @@ _NEXT = {
 WINDOW = 10
 """Number of queries over which success is averaged."""
 _ROWS = 10
+_HEAD = ("query", "cause", "near node")
 _POINTS = 200
 _DIPS = 3
 _EDGES = 5
@@ -119,7 +121,7 @@ class FailureQuestion(Question[ShowFailures]):
         if shown and not is_failing:
             _detail(context, shown[-1], builder)
         if shown:
-            builder.add_table(("when", "query", "cause", "near node"), [_row(context, each) for each in shown[-_ROWS:]])
+            builder.add_table(("when", *_HEAD), [_row(context, each) for each in shown[-_ROWS:]])
         if len(shown) > _ROWS:
             others = Step("choose a cause above to see others.", "--query NUMBER speaks of one alone.")
             builder.add_line(f"The last {_ROWS} of {len(shown)}; ", others)
@@ -148,7 +150,8 @@ class FailureQuestion(Question[ShowFailures]):
         over = len(known.strip.ends)
         if over:
             failed = len(known.failures)
-            builder.add_line("Up to now ", Strong(f"{failed}"), " of ", Strong(f"{over}"), " queries failed.")
+            queries = "query" if over == 1 else "queries"
+            builder.add_line("Up to now ", Strong(f"{failed}"), " of ", Strong(f"{over}"), f" {queries} failed.")
         else:
             builder.add_line("No query has ended yet.")
         links = [
@@ -169,7 +172,10 @@ class FailureQuestion(Question[ShowFailures]):
 
 def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
     node = "–" if failure.node is None else Link(str(failure.node), PointAt(failure.node))
-    cause = Hint(str(failure.failure_mode), failure.text)
+    judged = failure.query.judged
+    is_wrong = failure.failure_mode is FailureMode.WRONG_ARRIVAL and judged is not None
+    missed = f", {judged.position_error_m:.2f} m off" if is_wrong and judged is not None else ""
+    cause = Hint(f"{failure.failure_mode}{missed}", failure.text)
     return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node
 
 
@@ -208,13 +214,15 @@ def _detail(
 
 
 def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
-    """Add a separate line about failures after the moment, with a link to the first one."""
+    """Add a separate line and table about failures after the moment: whoever goes back in time still has them."""
     failure = later[0]
     run = "run" if context.is_live else "recording"
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
-    more = f" {len(later) - 1} more after that." if len(later) > 1 else ""
-    builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"), more)
+    builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"))
+    builder.add_table(("later", *_HEAD), [_row(context, each) for each in later[:_ROWS]])
+    if len(later) > _ROWS:
+        builder.add_line(f"Later there are {count_text(len(later) - _ROWS, 'more failure')}.")
 
 
 def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
@@ -267,7 +275,8 @@ def add_lifelong_curves(context: DebugContext, strip: LifelongSuccess, builder: 
     now = Strong(f"{100 * strip.success[-1]:.0f} %")
     builder.add_line("Success over the last queries, now ", now, ":")
     builder.add_chart(_chart(strip.success, "share that arrived", palette.SOURCE))
-    for name, counts, colour in (("nodes", strip.nodes, palette.NODE), ("edges", strip.edges, palette.PLAN)):
+    sizes = (("nodes", strip.nodes, palette.NODE), ("edges", strip.edges, palette.PLAN))
+    for name, counts, colour in (each for each in sizes if np.ptp(each[1]) > 0):
         builder.add_chart(_chart(counts, name, colour))
     for dip in sorted(strip.dips, key=lambda dip: -dip.fall)[:_DIPS]:
         _dip(context, strip, dip, builder)

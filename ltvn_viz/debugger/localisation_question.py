@@ -28,6 +28,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.palette import Rgb8
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext, PredictorView
@@ -124,7 +125,7 @@ class LocalisationQuestion(Question[FindAliases]):
         keyframes, missing = self._node_images.load(context)
         if missing:
             # The best node of a part of the map may be far from the best node of the whole map.
-            builder.add_pending(f"Reading the images of {_counted(len(nodes), 'node')}, {missing} left")
+            builder.add_pending(f"Reading the images of {count_text(len(nodes), 'node')}, {missing} left")
             return None
         question = "where", context.name, frame, len(nodes), context.predictor.fingerprint
         found = self._heat(
@@ -240,13 +241,9 @@ def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None
     builder.add_table(("", "", "d", "r", ""), rows)
     if len(best) > 1:
         sure = "ambiguous" if found.margin < _SMALL else "clear"
-        near = _counted(int(found.near.sum()), "node")
+        near = count_text(int(found.near.sum()), "node")
         margin = Strong(f"{found.margin:.2f}")
         builder.add_line("Margin of this image alone ", margin, f", {sure}; {near} near enough.")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _alias_search(
@@ -266,7 +263,7 @@ def _alias_search(
 
 def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
     builder.add_line(
-        f"{_counted(len(found), 'pair')} of perceptual aliases:"
+        f"{count_text(len(found), 'pair')} of perceptual aliases:"
         if found
         else "No perceptual aliases: no two places look alike."
     )

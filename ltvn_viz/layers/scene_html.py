@@ -15,6 +15,7 @@ from ltvn_core import palette
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import SceneError
 from ltvn_core.evaluation.reports.map_svg import MapLayout, bar_length_m
+from ltvn_core.terminal_text import count_text
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
 from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.first_view import Floor
@@ -100,7 +101,7 @@ def _finished(html: str, drawn: MapLayout) -> str:
     template = (Path(__file__).parents[1] / "static" / "scene_legend.html").read_text(encoding="utf-8")
     legend = template.format(
         title=escape(drawn.title),
-        counts=f"{len(graph.nodes):,} nodes, {len(graph.edges):,} edges",
+        counts=f"{count_text(len(graph.nodes), 'node')}, {count_text(len(graph.edges), 'edge')}",
         ramp=palette.gradient_css(palette.PROBABILITY_RAMP),
         wrong=f'<div><b style="color:{palette.EDGE_REMOVED.css}">━</b> nobody can drive it: {wrong}</div>'
         if drawn.simulated

@@ -51,6 +51,7 @@ STYLE = f"""<style>
 .lt-card[data-severity="WARN"] {{ background: rgba(250,176,5,.12); border-color: #fab005; }}
 .lt-card[data-severity="ERROR"] {{ background: rgba(250,82,82,.14); border-color: #fa5252; }}
 .lt-card[data-severity="INFO"] {{ background: var(--ltvn-tint); border-color: #868e96; }}
+.lt-hint .lt-card, .lt-work .lt-card {{ min-height: 3.9em; }}
 .lt-card strong {{ color: var(--ltvn-strong); }}
 .lt-note {{ color: var(--ltvn-soft); }}
 .lt-buttons {{ display: flex; flex-wrap: wrap; gap: .4em; }}
@@ -80,7 +81,8 @@ STYLE = f"""<style>
 .lt-upload > div > img {{ width: 100%; display: block; border-radius: .35em; }}
 .lt-upload .lt-gallery {{ grid-template-columns: repeat(2, 1fr); }}
 .lt-gallery figure {{ margin: 0; }}
-.lt-gallery figcaption {{ color: var(--ltvn-soft); font-size: .75rem; line-height: 1.3; }}
+.lt-gallery .lt-none {{ background: var(--ltvn-tint); }}
+.lt-gallery figcaption {{ color: var(--ltvn-soft); font-size: .8125rem; line-height: 1.3; }}
 .lt-table {{ display: grid; grid-template-columns: repeat(4, 1fr); gap: .1em .5em; }}
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}

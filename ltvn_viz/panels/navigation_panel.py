@@ -18,6 +18,7 @@ from ltvn_core.errors import ImageError, LtvnError
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.allocator import return_freed_memory
 from ltvn_core.preprocessing import preprocess_image
+from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Rgb
 from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, ActionButton, HtmlBlock, button_row, note, toggle
 from ltvn_viz.session.snapshot import Snapshot, UploadMatch, WayNodes
@@ -44,7 +45,6 @@ class NavigationPanel:
         self._file_address = file_address
         HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there with its camera."))
         self.task = HtmlBlock(gui)
-        self.keep_going = HtmlBlock(gui)
         self.state = HtmlBlock(gui)
         self.way = HtmlBlock(gui)
         self._upload = gui.add_upload_button(
@@ -56,6 +56,7 @@ class NavigationPanel:
         )
         self.upload_match = HtmlBlock(gui)
         self.gallery = HtmlBlock(gui)
+        self.more = HtmlBlock(gui)
 
         self._is_decoding = False
 
@@ -83,12 +84,14 @@ class NavigationPanel:
         label = FIND_UPLOAD if snapshot.mode is Mode.REPLAY else GO_TO_UPLOAD
         if self._upload.label != label:
             self._upload.label = label
+        if self._upload.disabled != (snapshot.mode not in NavigateToImage.modes):
+            self._upload.disabled = not self._upload.disabled
         self.task.show(_task(snapshot))
-        self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))
-        self.way.show("" if snapshot.way is None else self._way(snapshot.way))
+        self.way.show(self._way(snapshot.way))
         self.upload_match.show("" if snapshot.upload is None else self._match(snapshot.upload, snapshot.selected))
         self.gallery.show(self._goals(snapshot))
+        self.more.show(_more(snapshot))
 
     def _goals(self, snapshot: Snapshot) -> str:
         if not snapshot.gallery:
@@ -96,13 +99,16 @@ class NavigationPanel:
         images = "".join(self._goal_image(int(node), snapshot.selected) for node in snapshot.gallery)
         return f'<div class="lt">{_titled_group("Places to go to", images)}</div>'
 
-    def _way(self, way: WayNodes) -> str:
-        """Return the pictures of the localised node, the subgoal and the goal, side by side."""
-        figures = zip(("Here", "Next", "Goal"), way, strict=True)
-        pictures = "".join(self._way_image(name, node) for name, node in figures if node is not None)
-        return f'<div class="lt">{_titled_group("On the way", pictures)}</div>'
+    def _way(self, way: WayNodes | None) -> str:
+        """Return the pictures of the localised node, the subgoal and the goal, side by side, each with its room kept
+        free until there is one."""
+        figures = zip(("Here", "Next", "Goal"), (None, None, None) if way is None else way, strict=True)
+        pictures = "".join(self._way_image(name, node) for name, node in figures)
+        return f'<div class="lt lt-way">{_titled_group("On the way", pictures)}</div>'
 
-    def _way_image(self, name: str, node: NodeId) -> str:
+    def _way_image(self, name: str, node: NodeId | None) -> str:
+        if node is None:
+            return f'<figure><span class="lt-none"></span><figcaption>{name}</figcaption></figure>'
         address = escape(self._file_address(f"/thumb/{node}.jpg"))
         image = f'<img src="{address}" alt="{name}: node {node}">'
         return f"<figure>{image}<figcaption>{name} · node {node}</figcaption></figure>"
@@ -140,23 +146,25 @@ def _task(snapshot: Snapshot) -> str:
     return button_row(
         ActionButton(Action.GOAL, is_main=True, is_enabled=ready),
         pause,
-        ActionButton(Action.STEP, is_enabled=busy),
         ActionButton(Action.CANCEL, is_enabled=busy),
-        ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
     )
 
 
-def _keep_going(is_on: bool | None) -> str:
-    """Return the switch for queries that continue without a page; nothing for a real robot."""
-    if is_on is None:
-        return ""
-    return toggle(Action.KEEP_GOING, is_on=is_on)
+def _more(snapshot: Snapshot) -> str:
+    """Return what a query seldom needs; a real robot has no queries that continue without a page."""
+    busy = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED)
+    buttons = button_row(
+        ActionButton(Action.STEP, is_enabled=busy),
+        ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
+    )
+    keeps_going = snapshot.keeps_going
+    return buttons + ("" if keeps_going is None else toggle(Action.KEEP_GOING, is_on=keeps_going))
 
 
 def _state(snapshot: Snapshot) -> str:
     progress = snapshot.moment.progress
     if progress.query is not None:
-        text = f"{progress.navigator} · {len(progress.plan)} nodes planned"
+        text = f"{progress.navigator} · {count_text(len(progress.plan), 'node')} planned"
         if progress.localised is not None and progress.localised.node is not None:
             text += f" · at node {progress.localised.node} (d {progress.localised.distance:.2f})"
         if snapshot.selected is not None and snapshot.way is not None and snapshot.selected != snapshot.way.goal:

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import viser
 
+from ltvn_core.terminal_text import count_text
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
 from ltvn_viz.wishes.commands import STANDING
@@ -85,7 +86,8 @@ def _about(snapshot: Snapshot, chosen: str) -> str:
     moment = snapshot.moment
     return note(
         f"{snapshot.replay.name}: {snapshot.replay.time_s:.1f} of {snapshot.replay.length_s:.1f} s, "
-        f"{moment.frames} images, {len(moment.graph.ids)} nodes, {len(moment.graph.p)} edges."
+        f"{count_text(moment.frames, 'image')}, {count_text(len(moment.graph.ids), 'node')}, "
+        f"{count_text(len(moment.graph.p), 'edge')}."
     )
 
 

@@ -16,6 +16,7 @@ import viser
 
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.link_report import LinkQuality, LinkReport
+from ltvn_core.terminal_text import count_text
 from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, filled_bar, with_keys
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
@@ -153,13 +154,9 @@ class StatusPanel:
             self._shown = state
             self._due = self._clock() + REFRESH_S
             self.line.show(_line(snapshot))
-        self.hint.show(
-            f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}>'
-            '<div class="lt-card"><strong>Next:</strong> '
-            f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
-        )
+        self.hint.show(_hint(snapshot) if snapshot.work is None else _work(snapshot.work, snapshot.hint))
         self.reply.show(_GO_ON if snapshot.pause_notice else _END_ACTION if snapshot.waiting is not None else "")
-        self.message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
+        self.message.show(self._unread(snapshot.message))
 
     def _unread(self, message: Message | None) -> str:
         if message != self._latest:
@@ -199,7 +196,7 @@ def _line(snapshot: Snapshot) -> str:
         parts.append(link_line(snapshot.link))
     if recording.name is not None:
         badge = f'<span data-ltvn-copy="rec">{rec_badge(recording.seconds)}</span>'
-        parts.append(f"{badge}<span><b>{recording.frames:,}</b> images</span>")
+        parts.append(f"{badge}<span>{count_text(recording.frames, 'image')}</span>")
     else:
         parts.append('<span data-ltvn-copy="rec"></span>')
     return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div>{health_numbers(snapshot)}</div>'
@@ -218,16 +215,28 @@ def _message(message: Message) -> str:
     )
 
 
-def _work(work: JobProgress) -> str:
+def _hint(snapshot: Snapshot) -> str:
+    return (
+        f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}>'
+        '<div class="lt-card"><strong>Next:</strong> '
+        f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
+    )
+
+
+def _work(work: JobProgress, hint: str) -> str:
+    """Return the progress of a job; it takes the place of the hint, so that nothing below moves."""
     bar = "" if work.share is None else filled_bar(work.share, work.label)
     card = f'<div class="lt-card" data-severity="INFO">{escape(work.label)}…{_how_far(work)}{bar}</div>'
-    return f'<div class="lt" role="status">{card}</div>'
+    return (
+        f'<div class="lt lt-work" role="status">{card}'
+        f'<span class="ltvn-elsewhere" data-ltvn-copy="hint">{with_keys(hint)}</span></div>'
+    )
 
 
 def _how_far(work: JobProgress) -> str:
     if work.share is not None:
         return f" {work.images:,} of {work.of_images:,} images, {100 * work.share:.0f} %"
-    return f" {work.images:,} images so far" if work.images else ""
+    return f" {count_text(work.images, 'image')} so far" if work.images else ""
 
 
 class Health(StrEnum):
@@ -246,11 +255,11 @@ class HealthReport(NamedTuple):
 
 
 def health_of(snapshot: Snapshot) -> HealthReport:
-    """Return the health of the app, judged by its last message, its delays and the link to the robot."""
+    """Return the health of the app, judged by its own failures, its delays and the link to the robot."""
     rates = snapshot.rates
     message = snapshot.message
-    if message is not None and message.severity is Severity.ERROR:
-        return HealthReport(Health.TROUBLE, f"The last message is an error: {message.text}")
+    if message is not None and message.is_trouble:
+        return HealthReport(Health.TROUBLE, message.text)
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.LOST:
         return HealthReport(Health.TROUBLE, "The robot does not answer, so it is stopped.")
     is_measured = rates.loop_hz > 0

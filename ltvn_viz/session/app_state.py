@@ -200,13 +200,16 @@ class AppState:
         """Tell whether the page shows the robot as it is now."""
         return self.shown_stamp is None and not isinstance(self.activity, Playback)
 
-    def say(self, text: str, severity: Severity = Severity.INFO, *, title: str = "") -> None:
-        """Show a message in the page, with a title or else the title of its severity."""
+    def say(self, text: str, severity: Severity = Severity.INFO, *, title: str = "", is_trouble: bool = False) -> None:
+        """Show a message in the page, with a title or else the title of its severity.
+
+        `is_trouble` says that the app itself, not a request, is at fault.
+        """
         now = self.clock()
         repeats = self.message is not None and (text, severity) == (self.message.text, self.message.severity)
         if not repeats or now > self.said_s + REPEATS_S:
             number = 1 if self.message is None else self.message.number + 1
-            self.message = Message(text, severity, number, title)
+            self.message = Message(text, severity, number, title, is_trouble)
         self.said_s = now
 
     @property
@@ -244,7 +247,7 @@ class AppState:
     def fail(self, text: str) -> None:
         """After an error, stop the robot, drop the query and show the reason."""
         self.drop()
-        self.say(text, Severity.ERROR)
+        self.say(text, Severity.ERROR, is_trouble=True)
 
     def drop(self) -> None:
         """Stop the robot and drop the query."""

@@ -18,6 +18,7 @@ from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.recorded_map import build_recorded_map, save_recorded_map
 from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.terminal_text import count_text
 from ltvn_core.training.fine_tuning_data import DriveSource
 from ltvn_core.types import Observation
 from ltvn_viz.session.activities.map_building import MapBuilding
@@ -300,7 +301,7 @@ def import_source(state: AppState, name: str) -> None:
         dropped = sum(summary.dropped.values())
         return MadeRecording(
             output.name,
-            f"Imported {name} as {output.name}: {summary.frames:,} images, {dropped:,} left out.",
+            f"Imported {name} as {output.name}: {count_text(summary.frames, 'image')}, {dropped:,} left out.",
             summary.findings,
         )
 
@@ -321,9 +322,9 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
         assert built.coverage is not None
         return MadeRecording(
             output.name,
-            f"Built {output.name} by {choice.name} from {len(observations):,} images: {len(graph.nodes):,} nodes, "
-            f"{len(graph.edges):,} edges, {pieces:,} {'piece' if pieces == 1 else 'pieces'}. It knows "
-            f"{built.coverage.share:.0%} of the drive.",
+            f"Built {output.name} by {choice.name} from {count_text(len(observations), 'image')}: "
+            f"{count_text(len(graph.nodes), 'node')}, {count_text(len(graph.edges), 'edge')}, "
+            f"{count_text(pieces, 'piece')}. It knows {built.coverage.share:.0%} of the drive.",
             built.findings,
         )
 

@@ -215,7 +215,7 @@ class Session:
         try:
             state.live.recorder.tick(map_is_still=state.worker.pending == 0)
         except LtvnError as error:
-            state.say(str(error), Severity.ERROR)
+            state.say(str(error), Severity.ERROR, is_trouble=True)
 
     def _serve_watchers(self) -> None:
         """Run a few commands of pages without the seat in their own views."""
@@ -229,7 +229,7 @@ class Session:
     def _show(self) -> None:
         failure = self._state.live.recorder.take_failure()
         if failure is not None:
-            self._state.say(failure, Severity.ERROR)
+            self._state.say(failure, Severity.ERROR, is_trouble=True)
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:

@@ -217,6 +217,8 @@ class Message:
     """Number of the message, so that a repeated text is a new message."""
     title: str = ""
     """Title in a few words; empty for the title of its severity."""
+    is_trouble: bool = False
+    """Whether the app itself is at fault, and not what was asked of it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,7 +122,10 @@ function showSheet() {
   const top = matchMedia(NARROW).matches && innerHeight >= 480 ? byId("ltvn-pictures") : byId("ltvn-bar");
   const style = document.documentElement.style;
   style.setProperty("--ltvn-sheet-top", `${top.getBoundingClientRect().bottom}px`);
-  style.setProperty("--ltvn-sheet-bottom", `${innerHeight - byId("ltvn-nav").getBoundingClientRect().top}px`);
+  // What is said of moments leaves the timeline in view.
+  const isOfTime = wanted.some((tab) => tab.getAttribute("aria-selected") === "true" && /Replay|Why/.test(tab.textContent));
+  const foot = isOfTime ? byId("timeline-dock") : byId("ltvn-nav");
+  style.setProperty("--ltvn-sheet-bottom", `${innerHeight - foot.getBoundingClientRect().top}px`);
 }
 
 function navButton(text, index) {

@@ -330,13 +330,37 @@ def command_for(action: Action, value: Value = None) -> Command | None:
 
 
 def refusal(command: Command, mode: Mode) -> str | None:
-    """Return why `command` is illegal in `mode` and which commands are legal; None if it is legal."""
+    """Return why `command` is illegal in `mode`, and what makes it possible; None if it is legal."""
     if mode in command.modes:
         return None
-    when = " or ".join(sorted(command.modes))
-    labels = _labels()
-    possible = ", ".join(label for kind, label in labels.items() if mode in kind.modes and label)
-    return f"“{labels[type(command)] or 'That'}” works in mode {when}; the app is in mode {mode}. You can: {possible}."
+    label = _labels()[type(command)] or "that"
+    return f"“{label[:1].upper()}{label[1:]}” is not possible while {_WHILE[mode]}. {_first(command.modes, mode)}"
+
+
+_WHILE = {
+    Mode.TELEOP: "the robot waits for you",
+    Mode.BUILDING: "the map is being built",
+    Mode.NAVIGATING: "the robot drives to a goal",
+    Mode.PAUSED: "a query is paused",
+    Mode.REPLAY: "a recording is open",
+}
+"""What the app does in each mode, in words."""
+
+
+def _first(legal: frozenset[Mode], mode: Mode) -> str:
+    """Return what a person must do first to come from a mode to one in which a command is legal."""
+    match mode:
+        case Mode.BUILDING:
+            return "Wait until the map is done, or press Cancel."
+        case Mode.NAVIGATING:
+            return "Wait until the robot is there, or press Cancel."
+        case Mode.PAUSED:
+            return "Press Go on or Cancel first."
+        case Mode.REPLAY:
+            return "Press Back to the robot first."
+        case Mode.TELEOP:
+            is_of_replay = legal == {Mode.REPLAY}
+            return "Open a recording under “Replay” first." if is_of_replay else "Choose a goal under “Go” first."
 
 
 def _labels() -> dict[type[Command], str]:

@@ -233,6 +233,20 @@ def test_a_telephone_on_its_side_shows_a_row_of_goals_and_no_message_over_the_he
     page.get_by_role("button", name="close the panel").click()
 
 
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
+def test_on_a_phone_the_timeline_stays_in_view_beside_what_speaks_of_it(page: Page, width: int, height: int) -> None:
+    resize(page, width, height)
+
+    def is_free() -> bool:
+        sheet, timeline = (page.locator(PARTS[name]).first.bounding_box() for name in ("panel", "timeline"))
+        return sheet is not None and timeline is not None and sheet["y"] + sheet["height"] <= timeline["y"] + 1
+
+    for tab in ("Replay", "Why"):
+        open_tab(page, tab)
+        until(is_free)
+    page.get_by_role("button", name="close the panel").click()
+
+
 def test_an_open_page_turns_dark_and_light_with_the_system(page: Page) -> None:
     ask_for(page, "dark")
     assert ground(page) < 64
@@ -324,3 +338,16 @@ def test_the_panel_stands_still_from_the_moment_when_the_page_is_shown(app: Flat
         box = tab.bounding_box()
         assert box is not None
         assert box["y"] == pytest.approx(page.evaluate("firstTop"), abs=1.0)
+
+
+def test_choosing_a_goal_moves_neither_the_pad_nor_the_goals(app: FlatApp, page: Page) -> None:
+    resize(page, 1400, 900)
+    open_tab(page, "Go")
+    parts = [page.locator(".ltvn-key.ltvn-stop"), page.get_by_role("tab", name="Go")]
+    parts.append(page.get_by_role("group", name="Places to go to"))
+    before = [part.bounding_box() for part in parts]
+    navigate_far(app)
+    page.get_by_role("group", name="On the way").locator("img").first.wait_for()
+    after = [part.bounding_box() for part in parts]
+    app.session.send(c.Cancel())
+    assert [box and box["y"] for box in after] == [box and box["y"] for box in before]

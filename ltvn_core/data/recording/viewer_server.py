@@ -42,6 +42,7 @@ from ltvn_core.data.recording.rrd_contents import require_rrd
 from ltvn_core.data.recording.rrf2.closing_record import check_file
 from ltvn_core.errors import RecordingError, ServerError
 from ltvn_core.navigation.events import QueryEnded
+from ltvn_core.terminal_text import count_text
 
 _LOG = logging.getLogger(__name__)
 _SCRIPT, _MODULE = "re_viewer.js", "re_viewer_bg.wasm"
@@ -225,6 +226,9 @@ class RecordingContents(NamedTuple):
     """Last step of the recording; None if it is unknown."""
 
 
+_PLURALS = {"query": "queries"}
+
+
 def contents_of(path: Path) -> RecordingContents:
     """Read the description of a recording; only its file name if it is damaged or of another program."""
     try:
@@ -239,7 +243,7 @@ def contents_of(path: Path) -> RecordingContents:
         "edge": len(graph.edges),
         "query": sum(isinstance(stamped.event, QueryEnded) for stamped in events),
     }
-    held = ", ".join(_counted(count, thing) for thing, count in counts.items() if count)
+    held = ", ".join(count_text(count, thing, _PLURALS.get(thing, "")) for thing, count in counts.items() if count)
     steps = [*recording.poses.steps[-1:].tolist(), *(stamped.step for stamped in events[-1:])]
     return RecordingContents(f"{path.name}: {held or 'nothing'}", max(steps, default=None))
 
@@ -248,11 +252,6 @@ def viewer_page(contents: RecordingContents) -> str:
     """Return the viewer's page; its script is `SCRIPT`."""
     last_step = "" if contents.last_step is None else f' data-last-step="{contents.last_step}"'
     return _PAGE.format(text=escape(contents.text), last_step=last_step)
-
-
-def _counted(count: int, thing: str) -> str:
-    things = {"query": "queries"}.get(thing, f"{thing}s")
-    return f"{count:,} {thing if count == 1 else things}"
 
 
 class _Response(NamedTuple):

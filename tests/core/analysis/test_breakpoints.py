@@ -114,7 +114,9 @@ def test_several_breakpoints_at_one_moment_are_one_hit() -> None:
     asked = [parse_breakpoint(text) for text in ("edge 1->2", "prune", "p crosses 0.5")]
     hit = next(hit for hit in find_breakpoint_hits(Timeline.of(STAMPED), asked) if hit.moment.step == 9)
     assert hit.breakpoints == (asked[0], asked[2])
-    assert hit.why == "edge 1->2 has p 0.40, 0 of 1 attempt succeeded (attempt); p of edge 1->2 fell from 0.80 to 0.40"
+    assert (
+        hit.why == "edge 1 → 2 has p 0.40, 0 of 1 attempt succeeded (attempt); p of edge 1 → 2 fell from 0.80 to 0.40"
+    )
 
 
 def test_live_watching_finds_what_replay_finds_and_may_be_changed_meanwhile() -> None:
@@ -181,7 +183,7 @@ def test_every_happening_has_an_example() -> None:
 def test_an_edge_that_leaves_with_its_node_is_noticed() -> None:
     dropped = e.StampedEvent(9, 0.9, e.GraphChanged(NodeDropped(2, Cause.HAND)))
     hits = list(find_breakpoint_hits(Timeline.of([*STAMPED[:3], dropped]), [parse_breakpoint("edge 1->2")]))
-    assert [hit.why for hit in hits] == ["edge 1->2 left with node 2"]
+    assert [hit.why for hit in hits] == ["edge 1 → 2 left with node 2"]
 
 
 def test_an_edge_that_had_left_already_does_not_leave_again_with_its_node() -> None:

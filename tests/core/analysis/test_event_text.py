@@ -64,11 +64,11 @@ def test_there_is_an_example_of_each_kind() -> None:
     [
         (EVENTS[1], "query 3 started: node 9 is the goal", "INFO"),
         (EVENTS[2], "at node 4: distance 0.30, reachability 0.95, margin 0.20 to node 7 (local)", "INFO"),
-        (EVENTS[3], "plan of 3 nodes, cost 2.50: 4->7->9", "INFO"),
-        (EVENTS[5], "attempt 1 along edge 4->7 failed (blocked): not connectable", "WARN"),
-        (REACHED, "attempt 1 along edge 4->7 failed, though it got there: driven too often", "WARN"),
+        (EVENTS[3], "plan of 3 nodes, cost 2.50: 4 → 7 → 9", "INFO"),
+        (EVENTS[5], "attempt 1 along edge 4 → 7 failed (blocked): not connectable", "WARN"),
+        (REACHED, "attempt 1 along edge 4 → 7 failed, though it got there: driven too often", "WARN"),
         (EVENTS[6], "collision 2 of query 3", "WARN"),
-        (EVENTS[7], "edge 1->2 pruned (attempt)", "WARN"),
+        (EVENTS[7], "edge 1 → 2 pruned (attempt)", "WARN"),
         (EVENTS[8], "query 3 ended: no path after 40 steps, 3.2 m, 1 collision", "INFO"),
         (EVENTS[9], "query 3 judged: goal missed, 2.00 m and 0.10 rad away", "ERROR"),
         (EVENTS[10], "The battery is low.", "WARN"),
@@ -90,7 +90,7 @@ def test_a_look_that_follows_places_says_how_sure_it_is() -> None:
 
 def test_a_long_plan_is_told_by_its_first_and_last_nodes() -> None:
     text = describe_event(e.Planned(0, tuple(range(100, 160)), 31.0)).text
-    assert text == "plan of 60 nodes, cost 31.00: 100->101->102->103->104->105->...->159"
+    assert text == "plan of 60 nodes, cost 31.00: 100 → 101 → 102 → 103 → 104 → 105 → ... → 159"
 
 
 def test_log_marks_breakpoints_and_debugger_show_the_same_words() -> None:

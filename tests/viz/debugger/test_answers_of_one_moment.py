@@ -218,7 +218,8 @@ def _check_results(replay: ReplayedFile) -> None:
     over = [query for query in replay.timeline.queries if query.end is not None and query.last < replay.known]
     failed = [query.id for query in over if query.succeeded is False]
     listed = [row for head, rows in replay.tables(QuestionName.FAILURES) if "cause" in head for row in rows]
-    counted = f"{len(failed)} of {len(over)} queries failed" if over else "No query has ended yet."
+    queries = "query" if len(over) == 1 else "queries"
+    counted = f"{len(failed)} of {len(over)} {queries} failed" if over else "No query has ended yet."
 
     assert counted in replay.text(QuestionName.FAILURES)
     assert [int(row[1]) for row in listed] == failed
@@ -311,10 +312,12 @@ def test_no_answer_states_what_happens_later_but_in_the_line_set_apart_for_it(re
 
 
 def _told_of_now(answer: Answer) -> Answer:
-    """Return an answer without what is set apart as later: a line that begins so, and columns that count all."""
+    """Return an answer without what is set apart: lines and tables that begin with later, columns that count all."""
     kept = []
     for block in answer.blocks:
         if isinstance(block, Paragraph) and line_text(block.parts).startswith("Later"):
+            continue
+        if isinstance(block, Table) and block.head[0] == "later":
             continue
         if isinstance(block, Table) and "of all" in block.head:
             block = Table(block.head[:2], tuple(row[:2] for row in block.rows))

@@ -51,7 +51,7 @@ def test_playing_stops_where_the_first_attempt_fails_at_the_edge_through_the_wal
     assert stopped.replay is not None
     assert not stopped.replay.playing
     assert stopped.message is not None
-    assert "attempt 1 along edge 1489->2621 failed" in stopped.message.text
+    assert "attempt 1 along edge 1489 → 2621 failed" in stopped.message.text
 
 
 def test_an_edge_that_is_selected_among_the_failures_is_named_there(do: Do) -> None:

@@ -29,8 +29,13 @@ def test_what_a_person_would_notice_is_slow_and_nothing_else(rates: LoopRates, h
     assert escape(report.reason) in health_button(Snapshot(rates=rates))
 
 
-def test_an_error_is_trouble_and_its_words_are_the_reason() -> None:
-    snapshot = Snapshot(message=Message("the disk is <full>", Severity.ERROR, 1))
+def test_what_a_person_asked_in_vain_is_no_trouble_of_the_app() -> None:
+    refused = Message("box 2 cannot stand there", Severity.ERROR, 1)
+    assert health_of(Snapshot(message=refused)).health is Health.GOOD
+
+
+def test_a_failure_of_the_app_is_trouble_and_its_words_are_the_reason() -> None:
+    snapshot = Snapshot(message=Message("the disk is <full>", Severity.ERROR, 1, is_trouble=True))
     assert health_of(snapshot).health is Health.TROUBLE
     assert "the disk is &lt;full&gt;" in health_button(snapshot)
 

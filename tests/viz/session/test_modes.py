@@ -133,12 +133,12 @@ def test_picking_a_node_goes_there_when_idle_and_only_chooses_it_on_the_way(harn
     assert shown.selected == second
 
 
-def test_an_illegal_command_is_refused_with_the_legal_ones_named(harness: SessionHarness) -> None:
+def test_an_illegal_command_is_refused_with_what_to_do_first(harness: SessionHarness) -> None:
     shown = harness.do(c.Pause())
     assert shown.message is not None
     assert shown.message.severity is Severity.WARN
-    assert "pause" in shown.message.text
-    assert "record" in shown.message.text
+    assert "Pause" in shown.message.text
+    assert "goal" in shown.message.text
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -241,10 +241,15 @@ def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: Sessio
     assert "Nearest to it is node" in shown.message.text
 
 
-def test_the_refusal_of_a_command_names_its_modes() -> None:
-    text = refusal(c.Pause(), Mode.BUILDING)
-    assert text is not None
-    assert "navigating" in text
+@pytest.mark.parametrize("mode", Mode)
+def test_a_refusal_says_in_two_short_sentences_what_the_app_does_and_what_to_press(mode: Mode) -> None:
+    texts = [text for make in (c.Pause, c.BuildMap, c.CloseRecording, c.StepOnce) if (text := refusal(make(), mode))]
+    assert texts
+    for text in texts:
+        assert text.count(". ") == 1
+        assert len(text) < 160
+        assert str(mode) not in text.split()[0]
+    assert "Cancel" in (refusal(c.Pause(), Mode.BUILDING) or "Cancel")
 
 
 def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarness) -> None:

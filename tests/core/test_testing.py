@@ -166,7 +166,8 @@ def test_a_robot_whose_step_stands_still_is_broken() -> None:
 
 
 def test_all_that_comes_with_the_toolkit_is_listed_and_can_be_loaded() -> None:
-    rows = list_or_test(PluginsVerb()).plugins
+    listed: Any = list_or_test(PluginsVerb())
+    rows = listed.plugins
     assert {"ltvn.verbs", "ltvn.predictors", "ltvn.systems"} <= {row.group for row in rows}
     assert [str(row) for row in rows if row.package == "ltvn" and not row.works] == []
 

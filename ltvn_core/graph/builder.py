@@ -28,6 +28,7 @@ from ltvn_core.graph.operators import (
     node_from_observation,
     node_with_edges,
 )
+from ltvn_core.graph.slip_check import SlipCheck
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.graph.wheel_slips import without_slips
@@ -61,10 +62,11 @@ def build(
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
-    if method.matching.mend_slips:
-        observations = list(without_slips(observations, predictor.camera, keyframes.odometry_starts))
-        keyframes.correct(observations)
     matcher = Matcher(predictor, keyframes, method.matching)
+    if method.matching.mend_slips:
+        confirms = SlipCheck(matcher).confirms
+        observations = without_slips(observations, predictor.camera, keyframes.odometry_starts, confirms)
+        keyframes.correct(observations)
     loop_closures = LoopClosureVerifier(matcher)
     count = len(observations)
     tell = progress or _no_progress

@@ -3,12 +3,16 @@
 After a slip everything that odometry placed earlier is displaced: obstacles, the waypoint, the path. The two images
 mostly show the same things, so the motion between them can be measured: among motions near the odometry's, the one that
 aligns the two scans best (correlative scan matching, Olson 2009). Wheels slip along the heading and in the heading, so
-only these two are searched. Where odometry agrees with the images it is not changed (ours). Owns how a slip is
-detected. Uses depth alone; without it no slip is found.
+these two are searched first. Where odometry agrees with the images it is not changed (ours). The search itself errs, on
+a hand-held camera by decimetres. So a slip in a recorded drive must be larger than the usual error of the search in
+that drive, and is then searched sideways too, because its pictures confirm it (`graph.slip_check`) or it is left. Owns
+how a slip is detected. Uses depth alone; without it, and where odometry never moves, no slip is found.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +37,8 @@ _LEAST_POINTS = 15
 _EDGE_RAD, _NEAR_M = 0.1, 0.35
 """Points within this of the edge of the earlier image, in rad, or of its camera, in m, may have no counterpart
 there."""
+_AHEAD, _LEFT = 0, 1
+"""Axes of the robot along which it may be displaced."""
 _STEPS = ((0.05, 0.04), (0.0125, 0.01))
 """Step sizes of the search in m and rad: coarse, then fine."""
 _REACH = ((9, 9), (4, 4))
@@ -43,6 +49,44 @@ _SURFACE_GAP_M, _SURFACE_STEP_M = 0.8, 0.04
 """Largest gap between neighbouring scan points that belong to one surface, and the spacing of the points added to it,
 in metres. Without added points, scan points along a corridor lie far apart, and two scans agree best without any
 motion."""
+_SAMPLED = 24
+"""Number of pairs of images that agree with odometry in which the search is tried too, to learn its error."""
+_MEDIAN = 0.6745
+"""Median of the sizes of errors, in standard errors."""
+_ERRORS = 4.0
+"""Size of a slip in standard errors of the search above which it is no error."""
+_LEAST_SLIP_M, _LEAST_SLIP_RAD = 0.03, 0.03
+"""Size of the smallest slip that is told from an error, in m and rad."""
+
+
+class Slip(NamedTuple):
+    """A jump of odometry between two consecutive images of a drive."""
+
+    row: int
+    """Place of the second image in its drive."""
+    moved: Pose
+    """(3,) motion between the two images by odometry."""
+    truly: Pose
+    """(3,) motion by their depth."""
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """(2,) size of the jump, in m and rad."""
+        off = relative(self.moved, self.truly)
+        return np.array([np.hypot(off[0], off[1]), abs(off[2])])
+
+
+class _Fit(NamedTuple):
+    """The motion that aligns two scans best, and the mean distances of the scans in metres."""
+
+    motion: Pose
+    gap_m: float
+    gap_by_odometry_m: float
+
+    @property
+    def is_better(self) -> bool:
+        """Whether odometry contradicts the scans, and the motion fits much better."""
+        return self.gap_by_odometry_m > _AGREES_M and self.gap_m < _BETTER * self.gap_by_odometry_m
 
 
 class SlipTracker:
@@ -54,6 +98,8 @@ class SlipTracker:
         self._last: tuple[Observation, DepthScan] | None = None
         self._frame: Pose | None = None
         """(3,) pose of the current odometry frame in the original one; None as long as nothing slipped."""
+        self._moves = False
+        """Whether odometry ever moved; if not, there is none that a slip could falsify."""
 
     def see(self, seen: Observation) -> Observation:
         """Return the next image, with corrected odometry."""
@@ -79,7 +125,8 @@ class SlipTracker:
             return
         earlier, before = last
         moved = relative(earlier.odometry, seen.odometry)
-        if np.hypot(moved[0], moved[1]) > _APART_M or abs(moved[2]) > _APART_RAD:
+        self._moves = self._moves or bool(moved.any())
+        if not self._moves or _are_apart(moved):
             return
         truly = motion_after_slip(before, scan, moved)
         if truly is None:
@@ -89,17 +136,62 @@ class SlipTracker:
 
 
 def without_slips(
-    observations: Sequence[Observation], camera: CameraModel, drive_starts: Collection[FrameId] = ()
-) -> Iterator[Observation]:
-    """Yield images in their order, each with odometry corrected for the slips before it in its drive.
+    observations: Sequence[Observation],
+    camera: CameraModel,
+    drive_starts: Collection[FrameId] = (),
+    confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None = None,
+) -> list[Observation]:
+    """Return images in their order, each with odometry corrected for the slips before it in its drive.
 
-    Odometry restarts at `drive_starts`.
+    Odometry restarts at `drive_starts`. `confirms` tells of a drive, one of its slips, and the first and the last image
+    around it without another slip, whether the slip is mended; None mends all.
     """
-    tracker = SlipTracker(camera)
+    drives = list[list[Observation]]()
     for seen in observations:
-        if seen.step in drive_starts:
-            tracker = SlipTracker(camera)
-        yield tracker.see(seen)
+        if not drives or seen.step in drive_starts:
+            drives.append([])
+        drives[-1].append(seen)
+    return [seen for drive in drives for seen in _mended(drive, camera, confirms)]
+
+
+def _mended(
+    drive: Sequence[Observation],
+    camera: CameraModel,
+    confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None,
+) -> Sequence[Observation]:
+    slips = find_slips(drive, camera)
+    ends = [0, *(slip.row for slip in slips), len(drive)]
+    frame: Pose | None = None
+    mended = list[Observation]()
+    by_row = {slip.row: (slip, (ends[k], ends[k + 2] - 1)) for k, slip in enumerate(slips)}
+    for row, seen in enumerate(drive):
+        slip, around = by_row.get(row, (None, (0, 0)))
+        if slip is not None and (confirms is None or confirms(drive, slip, around)):
+            frame = compose(compose(mended[-1].odometry, slip.truly), invert(seen.odometry))
+        mended.append(seen if frame is None else replace(seen, odometry=compose(frame, seen.odometry)))
+    return mended
+
+
+def find_slips(drive: Sequence[Observation], camera: CameraModel) -> list[Slip]:
+    """Return the slips of a drive, in order: jumps larger than the error of the search for them in this drive."""
+    if not np.ptp([seen.odometry for seen in drive], axis=0).any():
+        return []
+    scans = [DepthScan.from_image(seen, camera, np.zeros(3)) for seen in drive]
+    moves = {row: relative(drive[row - 1].odometry, drive[row].odometry) for row in range(1, len(drive))}
+    moves = {row: move for row, move in moves.items() if drive[row - 1].step != drive[row].step}
+    moves = {row: move for row, move in moves.items() if not _are_apart(move)}
+    sampled = {[*moves][k] for k in np.linspace(0, len(moves) - 1, min(_SAMPLED, len(moves))).astype(int)}
+    fits = {
+        row: _fit(scans[row - 1], scans[row], move, axes=(_AHEAD, _LEFT), always=row in sampled)
+        for row, move in moves.items()
+    }
+    found = {row: (Slip(row, moves[row], fit.motion), fit) for row, fit in fits.items() if fit is not None}
+    if not found:
+        return []
+    # The median is the usual error, as long as most of these pairs did not slip.
+    usual = np.median([slip.size for slip, _ in found.values()], axis=0)
+    least = np.maximum(_ERRORS * usual / _MEDIAN, (_LEAST_SLIP_M, _LEAST_SLIP_RAD))
+    return [slip for slip, fit in found.values() if fit.is_better and (slip.size > least).any()]
 
 
 def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose | None:
@@ -107,6 +199,19 @@ def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose 
 
     Also None if they share too little, or no motion fits them much better.
     """
+    fit = _fit(before, after, moved)
+    return fit.motion if fit is not None and fit.is_better else None
+
+
+def _are_apart(moved: Pose) -> bool:
+    return bool(np.hypot(moved[0], moved[1]) > _APART_M or abs(moved[2]) > _APART_RAD)
+
+
+def _fit(
+    before: DepthScan, after: DepthScan, moved: Pose, *, axes: tuple[int, ...] = (_AHEAD,), always: bool = False
+) -> _Fit | None:
+    """Return the best motion near the odometry's (3,); None if the scans share too little, or agree with odometry
+    unless it is asked for `always`."""
     surface = _surface(before.solid_points())
     points = after.solid_points()
     if min(len(surface), len(points)) < _LEAST_POINTS:
@@ -114,22 +219,24 @@ def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose 
     tree = KDTree(surface)
     best = moved
     (at_odometry,) = _gaps(tree, before, points, moved[None])
-    if not _AGREES_M < at_odometry < np.inf:
+    if not (0.0 if always else _AGREES_M) < at_odometry < np.inf:
         return None
-    for steps, reach in zip(_STEPS, _REACH, strict=True):
-        candidates = _around(best, steps, reach)
+    for (steps, reach), axis in itertools.product(zip(_STEPS, _REACH, strict=True), axes):
+        candidates = _around(best, axis, steps, reach)
         off = np.abs(relative(moved, candidates))
-        cost = _gaps(tree, before, points, candidates) + _COST_PER_M * off[:, 0] + _COST_PER_RAD * off[:, 2]
+        cost = _gaps(tree, before, points, candidates) + off @ (_COST_PER_M, _COST_PER_M, _COST_PER_RAD)
         best = candidates[int(cost.argmin())]
     (at_best,) = _gaps(tree, before, points, best[None])
-    return best if at_best < _BETTER * at_odometry else None
+    return _Fit(best, float(at_best), float(at_odometry))
 
 
-def _around(motion: Pose, steps: tuple[float, float], reach: tuple[int, int]) -> Pose:
-    """Return candidate motions (C, 3) around one (3,), with other distances along the heading and other turns."""
-    ahead, turn = np.meshgrid(*(step * np.arange(-n, n + 1) for step, n in zip(steps, reach, strict=True)))
-    steps_there = np.stack([ahead.ravel(), np.zeros(ahead.size), turn.ravel()], axis=-1)
-    return compose(motion, steps_there.astype(np.float64))
+def _around(motion: Pose, axis: int, steps: tuple[float, float], reach: tuple[int, int]) -> Pose:
+    """Return candidate motions (C, 3) around one (3,), with other distances along an axis of the robot and other
+    turns."""
+    shift, turn = np.meshgrid(*(step * np.arange(-n, n + 1) for step, n in zip(steps, reach, strict=True)))
+    steps_there = np.zeros((shift.size, 3))
+    steps_there[:, axis], steps_there[:, 2] = shift.ravel(), turn.ravel()
+    return compose(motion, steps_there)
 
 
 def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions: Pose) -> NDArray[np.float64]:

@@ -6,9 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.wheel_slips import SlipTracker, without_slips
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.slip_check import SlipCheck
+from ltvn_core.graph.wheel_slips import Slip, SlipTracker, find_slips, without_slips
+from ltvn_core.maps.topological_map import build_map
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation, Pose
 from tests.repository import RECORDINGS
@@ -39,7 +45,7 @@ def course(drive: Sequence[Observation]) -> Pose:
 
 
 def test_a_drive_that_does_not_slip_stays_as_it_is(drive: list[Observation]) -> None:
-    mended = list(without_slips(drive, CAMERA))
+    mended = without_slips(drive, CAMERA)
     assert all(after is before for before, after in zip(drive, mended, strict=True))
 
 
@@ -49,7 +55,7 @@ def test_after_a_slip_the_course_is_what_it_would_have_been(
     drive: list[Observation], at: int, slip: tuple[float, float, float]
 ) -> None:
     wrong = slipped(drive, at, np.array(slip))
-    gap = np.abs(relative(course(drive), course(list(without_slips(wrong, CAMERA)))))
+    gap = np.abs(relative(course(drive), course(without_slips(wrong, CAMERA))))
     # An error in the heading grows with the way, so it is the heading that tells.
     assert gap[:, 2].max() < 0.08
     near = slice(at, at + 5)
@@ -58,14 +64,14 @@ def test_after_a_slip_the_course_is_what_it_would_have_been(
 
 def test_without_depth_nothing_is_mended(drive: list[Observation]) -> None:
     blind = [replace(seen, depth=None) for seen in slipped(drive, 75, np.array([0.2, 0.0, 0.2]))]
-    assert np.array_equal(course(list(without_slips(blind, CAMERA))), course(blind))
+    assert np.array_equal(course(without_slips(blind, CAMERA)), course(blind))
 
 
 def test_another_drive_begins_with_its_own_odometry(drive: list[Observation]) -> None:
     second = drive[80:120]
     starts = [second[0].step]
     wrong = slipped(drive[:80], 40, np.array([0.2, 0.0, 0.2]))
-    mended = list(without_slips([*wrong, *second], CAMERA, starts))
+    mended = without_slips([*wrong, *second], CAMERA, starts)
     assert all(after is before for before, after in zip(second, mended[80:], strict=True))
 
 
@@ -77,3 +83,60 @@ def test_a_robot_that_turned_far_since_its_last_image_should_look_again(drive: l
     assert not tracker.needs_image(here)
     assert tracker.needs_image(compose(here, np.array([0.0, 0.0, 0.5])))
     assert tracker.needs_image(compose(here, np.array([0.4, 0.0, 0.0])))
+
+
+@pytest.fixture(scope="module")
+def check(drive: list[Observation]) -> SlipCheck:
+    """A check of slips between images 60 and 90 of the drive."""
+    predictor = open_predictor("network")
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(drive[60:90])
+    return SlipCheck(Matcher(predictor, keyframes, ROBUST.matching))
+
+
+@pytest.mark.parametrize(
+    "slip", [(0.2, 0.0, 0.15), (-0.15, 0.0, -0.2), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1), (0.1, -0.15, 0.1)]
+)
+def test_a_slip_of_known_size_is_found_and_confirmed_by_pictures(
+    drive: list[Observation], check: SlipCheck, slip: tuple[float, float, float]
+) -> None:
+    short = drive[60:90]
+    wrong = slipped(short, 15, np.array(slip))
+    (found,) = find_slips(wrong, CAMERA)
+    assert found.row == 15
+    assert found.size == pytest.approx([np.hypot(*slip[:2]), abs(slip[2])], abs=0.06)
+    off = relative(course(short), course(without_slips(wrong, CAMERA, (), check.confirms)))
+    was_off = relative(course(short), course(wrong))
+    assert np.linalg.norm(off) < 0.3 * np.linalg.norm(was_off)
+
+
+@pytest.mark.parametrize("claimed", [(0.2, 0.0, 0.15), (-0.1, 0.0, 0.1), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1)])
+def test_pictures_refuse_a_slip_that_never_was(
+    drive: list[Observation], check: SlipCheck, claimed: tuple[float, float, float]
+) -> None:
+    short = drive[60:90]
+    moved = relative(short[14].odometry, short[15].odometry)
+    assert not check.confirms(short, Slip(15, moved, compose(moved, np.array(claimed))), (0, 29))
+
+
+def test_jumps_no_larger_than_the_usual_error_of_the_search_are_no_slips(drive: list[Observation]) -> None:
+    shaken = drive[60:100]
+    for at in range(1, len(shaken), 2):  # Images that are shaken to and fro, as by a hand.
+        shaken[at] = replace(shaken[at], odometry=compose(shaken[at].odometry, np.array([0.1, 0.0, 0.1])))
+    assert not find_slips(shaken, CAMERA)
+
+
+def test_without_odometry_no_motion_is_invented(drive: list[Observation]) -> None:
+    still = [replace(seen, odometry=np.zeros(3)) for seen in drive[60:100:2]]
+    assert all(after is before for before, after in zip(still, without_slips(still, CAMERA), strict=True))
+    tracker = SlipTracker(CAMERA)
+    assert all(tracker.see(seen) is seen for seen in still)
+
+
+def test_a_map_of_a_drive_without_odometry_has_no_edge_by_odometry(drive: list[Observation]) -> None:
+    still = [replace(seen, odometry=np.zeros(3)) for seen in drive[60:100:2]]
+    predictor = open_predictor("network")
+    graph = build_map(still, predictor=predictor).graph
+    assert graph.nodes
+    assert not any(any(node.odometry) for node in graph.nodes.values())
+    assert not any(edge.by_odometry for edge in graph.edges.values())

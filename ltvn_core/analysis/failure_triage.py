@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import hypot, inf
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline import Timeline
@@ -19,7 +19,6 @@ from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import (
-    AttemptEnd,
     AttemptStarted,
     Collided,
     Event,
@@ -33,8 +32,6 @@ from ltvn_core.types import NodeId
 
 _NEARER = 0.2
 """Least reduction of the plan's cost that counts as progress; a smaller one may come from new beliefs alone (ours)."""
-WASTED_SHARE = 1 / 3
-"""Share of wasted steps below which a query that reached the step limit was merely too slow (ours)."""
 _BEFORE_S = 1.0
 _STEPS_PER_S = 10.0
 """Control steps per second, for a query that is too short to measure them."""
@@ -113,33 +110,16 @@ def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
 
 
 class FailureMode(StrEnum):
-    """Cause of a failed query, as known to the robot."""
+    """How a failed query ended: the word of its own outcome, or an arrival that was wrong."""
 
     WRONG_ARRIVAL = "wrong arrival"
     """The robot declared arrival, but the evaluation says that it was wrong."""
-    LOST = "lost"
-    """The robot did not recognise where it was."""
-    NO_PATH = "no path"
-    COLLISION = "collision"
-    """The robot collided."""
-    BLOCKED = "way blocked"
-    """The robot saw obstacles and did not get past them."""
-    FAILED_EDGE = "failed edge"
-    """The robot drove edges without reaching their targets."""
-    TOO_SLOW = "too slow"
-    """Little went wrong, but the step limit was reached."""
-
-
-_WASTING_MODES = (
-    FailureMode.FAILED_EDGE,
-    FailureMode.COLLISION,
-    FailureMode.BLOCKED,
-    FailureMode.LOST,
-    FailureMode.NO_PATH,
-)
-"""Failure modes in which a robot can waste its steps."""
-
-_OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
+    LOST = Outcome.LOST
+    """The robot gave up, because it did not recognise where it was."""
+    NO_PATH = Outcome.NO_PATH
+    COLLISION_LIMIT = Outcome.COLLISION_LIMIT
+    STEP_LIMIT = Outcome.STEP_LIMIT
+    CANCELLED = Outcome.CANCELLED
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +190,7 @@ def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
     )
     return FailedQuery(
         query=query,
-        failure_mode=_failure_mode(timeline, query),
+        failure_mode=_failure_mode(query),
         instant=_second_before(timeline, query, setback.event),
         event=setback.event,
         text=setback.text,
@@ -232,45 +212,10 @@ def _ending(query: QueryRecord) -> str:
     return f"The query ended: {query.outcome}{off}."
 
 
-def _failure_mode(timeline: Timeline, query: QueryRecord) -> FailureMode:
-    match query.outcome:
-        case Outcome.ARRIVED:
-            return FailureMode.WRONG_ARRIVAL
-        case Outcome.LOST:
-            return FailureMode.LOST
-        case Outcome.NO_PATH:
-            return FailureMode.NO_PATH
-        case Outcome.COLLISION_LIMIT:
-            return FailureMode.COLLISION
-        case Outcome.STEP_LIMIT | Outcome.CANCELLED | None:
-            return _main_waste(timeline, query)
-    assert_never(query.outcome)
-
-
-def _main_waste(timeline: Timeline, query: QueryRecord) -> FailureMode:
-    """Return the mode that cost a query most of its steps; too slow if few steps were wasted."""
-    wasted = _wasted(timeline, query)
-    steps = query.end.step - query.begin.step if query.end else 0
-    worst = max(wasted, key=lambda failure_mode: wasted[failure_mode])
-    return worst if wasted[worst] and sum(wasted.values()) >= WASTED_SHARE * steps else FailureMode.TOO_SLOW
-
-
-def _wasted(timeline: Timeline, query: QueryRecord) -> dict[FailureMode, int]:
-    """Return the number of steps that were wasted in each failure mode."""
-    wasted: dict[FailureMode, int] = {failure_mode: 0 for failure_mode in _WASTING_MODES}
-    for attempt in query.attempts:
-        if attempt.failed and attempt.end and attempt.ended:
-            failure_mode = _OBSTRUCTED_MODES.get(attempt.ended.end, FailureMode.FAILED_EDGE)
-            wasted[failure_mode] += attempt.end.step - attempt.begin.step
-    since: tuple[FailureMode, int] | None = None
-    for step, _, event in timeline.events[query.first : query.last + 1]:
-        if isinstance(event, Localised):
-            if since is not None:
-                wasted[since[0]] += step - since[1]
-            since = (FailureMode.LOST, step) if event.node is None else None
-        elif isinstance(event, Planned) and not event.nodes:
-            since = (FailureMode.NO_PATH, step)
-    return wasted
+def _failure_mode(query: QueryRecord) -> FailureMode:
+    if query.outcome is Outcome.ARRIVED:
+        return FailureMode.WRONG_ARRIVAL
+    return FailureMode(query.outcome or Outcome.CANCELLED)
 
 
 def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:

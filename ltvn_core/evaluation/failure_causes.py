@@ -8,7 +8,6 @@ failure from sums over segments.
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ltvn_core.analysis.failure_triage import WASTED_SHARE
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
@@ -26,6 +25,8 @@ from ltvn_core.types import FrameId, Pose
 
 CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)
 """Causes in causal order: each cause may lead to the causes after it."""
+WASTED_SHARE = 1 / 3
+"""Share of wasted steps below which a query that reached the step limit has no other cause (ours)."""
 
 
 @dataclass(slots=True)

@@ -37,10 +37,9 @@ _NEXT = {
     FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE, QuestionName.DECISIONS),
     FailureMode.LOST: (QuestionName.WHERE, QuestionName.EDGE),
     FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
-    FailureMode.COLLISION: (QuestionName.EDGE, QuestionName.DECISIONS),
-    FailureMode.BLOCKED: (QuestionName.EDGE, QuestionName.DECISIONS),
-    FailureMode.FAILED_EDGE: (QuestionName.EDGE, QuestionName.DECISIONS),
-    FailureMode.TOO_SLOW: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.COLLISION_LIMIT: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.STEP_LIMIT: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.CANCELLED: (QuestionName.EDGE, QuestionName.DECISIONS),
 }
 """Follow-up questions."""
 WINDOW = 10

@@ -127,15 +127,16 @@ class _FolderAndPaths(RecordingLibrary):
 class FileCase:
     """An open recording or map for questions. For one thread at a time."""
 
-    def __init__(self, path: Path, library: RecordingLibrary | None = None) -> None:
+    def __init__(self, path: Path, library: RecordingLibrary | None = None, *, weights: Path | None = None) -> None:
         """Open a file; questions may use the other recordings of `library`, by default those in the file's folder and
-        those named by a path.
+        those named by a path, and compare images with `weights`, by default the shipped ones.
 
         Raises RecordingError.
         """
         if not path.is_file():
             raise RecordingError(f"{path} does not exist or is not a file; give the path of a .rrd recording or map.")
         self.path = path
+        self._weights = weights
         self.library = library or _FolderAndPaths(path.absolute().parent)
         self._replay = read_replay(path, self._remember)
 
@@ -174,17 +175,17 @@ class FileCase:
     @cached_property
     def _comparison(self) -> ReplayMethod:
         """How the images are compared; opened only for a question that compares them, because that takes seconds."""
-        return _file_method(self._meta)
+        return _file_method(self._meta, self._weights)
 
 
 _ROUNDING_S = 0.1
 """Tolerance in seconds: times are written with one decimal, so rounding may move the last one past the end."""
 
 
-def _file_method(meta: RecordingMetadata) -> ReplayMethod:
+def _file_method(meta: RecordingMetadata, weights: Path | None) -> ReplayMethod:
     """Return the method of a recording's images; a stand-in that compares nothing and says why if it cannot be
     opened."""
-    defaults = AppOptions(replay="")
+    defaults = AppOptions(replay="", weights=weights)
     try:
         choice = ImageSource.of(meta).choose()
         predictor = predictor_for(replace(defaults, predictor=choice.name, scene=meta.scene), meta.camera)

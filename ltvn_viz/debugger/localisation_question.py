@@ -91,7 +91,9 @@ class LocalisationQuestion(Question[FindAliases]):
         builder = AnswerBuilder()
         if context.weights not in ("", context.predictor.fingerprint) and context.predictor.fingerprint != NO_PREDICTOR:
             builder.add_line(
-                "This was recorded with other weights; the colours show the answers of the weights in use."
+                f"This was recorded with other weights ({context.weights}), for instance ones that were fine-tuned for "
+                f"it; the colours show the answers of those in use ({context.predictor.fingerprint}). To see its own, "
+                "give its file of weights with --weights."
             )
         try:
             shown = self._compared(context, builder)
@@ -137,7 +139,7 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_line(found)
         else:
             builder.add_behind(self._heat)
-            _say(found.heat, len(nodes), builder)
+            _say(found.heat, len(nodes), len(nodes) if context.is_live else min(len(nodes), MAX_NODES), builder)
             return found
         return None
 
@@ -226,12 +228,12 @@ def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
     return {found.nodes[row]: Rgb8(*colour) for row, colour in zip(rows, rgb.tolist(), strict=True)}
 
 
-def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
-    """List the best of the nodes that were compared up to now."""
-    if len(found.nodes) < count:
-        builder.add_line(
-            f"So far, {len(found.nodes)} of {count} nodes are compared: the images of the others are missing."
-        )
+def _say(found: LocalisationHeatMap, count: int, most: int, builder: AnswerBuilder) -> None:
+    """List the best of the nodes that were compared up to now, of `count` nodes, at most the first `most`."""
+    if most < count:
+        builder.add_line(f"The first {most:,} of {count:,} nodes are compared, which is the limit for a recording.")
+    if len(found.nodes) < most:
+        builder.add_line(f"{most - len(found.nodes):,} of these {most:,} nodes are not: their images are missing.")
     best = [found.nodes.index(node) for node in found.best(2)]
     rows: list[tuple[Inline, ...]] = []
     for rank, k in zip(("best", "second"), best, strict=False):

@@ -30,3 +30,5 @@ class WhyVerb(Verb):
     """Select a navigation task, by its number."""
     text: str = ""
     """Text for the question, as a person would type it, for instance --ask what-if --text "without 12->40"."""
+    weights: Path | None = None
+    """The weights with which the file was made, if not the shipped ones, for questions that compare images."""

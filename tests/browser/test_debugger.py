@@ -66,7 +66,7 @@ def first_view(debugger: DebuggerPage) -> View:
 
 def test_a_failed_query_leads_to_the_edge_through_the_wall(fault: DebuggerPage, planted: Faults) -> None:
     told = fault.go_to_failure(0)
-    assert "way blocked" in told
+    assert "step limit" in told
     fault.follow(re.compile("^edge "))
     edge = fault.shown.selection.edge
     assert edge in planted["spurious-edge"]

@@ -128,3 +128,20 @@ def test_another_map_is_named_by_its_path_to_compare_with(why: Why, tmp_path: Pa
 
     assert (said.code, "only here" in said.stdout) == (0, True)
     assert (unknown.code, DEMO_MAP.name in unknown.stderr) == (1, True)
+
+
+def test_nodes_beyond_the_limit_of_a_comparison_are_not_called_missing(
+    why: Why, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ltvn_viz.debugger.localisation_question.MAX_NODES", 5)  # A map of 2,001 nodes takes minutes.
+    told = answered(why, DEMO_FAULT, "--ask", "where")
+    text = " ".join(block.get("text", "") for block in told["blocks"])
+    assert "limit" in text
+    assert "missing" not in text
+
+
+def test_the_weights_of_a_fine_tuned_run_can_be_named(why: Why, tmp_path: Path) -> None:
+    unreadable = tmp_path / "tuned.safetensors"
+    unreadable.write_bytes(b"")
+    told = answered(why, DEMO_FAULT, "--ask", "where", "--weights", str(unreadable))
+    assert any(unreadable.name in block.get("text", "") for block in told["blocks"])

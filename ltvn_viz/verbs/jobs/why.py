@@ -68,7 +68,7 @@ def ask(options: WhyVerb) -> Summary:
         query=options.query,
         text=options.text,
     )
-    case = FileCase(options.file)
+    case = FileCase(options.file, weights=options.weights)
     if not asked.word:
         return OfferedQuestions(options.file, offered_questions(case))
     return TerminalAnswer(options.file, ask_file(case, asked))

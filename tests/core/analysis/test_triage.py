@@ -35,7 +35,7 @@ def test_a_drive_without_failures_has_none() -> None:
 
 def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:
     (failure,) = failed_queries(example_runs.timeline())
-    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.COLLISION)
+    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.STEP_LIMIT)
     assert failure.text == "Collision 1 of query 0."
     assert (failure.instant.step, failure.instant.stamp) == (45, pytest.approx(4.5))
     assert (failure.edge, failure.node) == ((1, 2), 1)
@@ -77,7 +77,7 @@ def test_too_many_collisions_are_put_where_most_happened() -> None:
         *example_runs.at(80, example_runs.failed(second, 80), example_runs.ended(0, 2, Outcome.COLLISION_LIMIT)),
     ]
     (failure,) = failed_queries(Timeline.of(run))
-    assert (failure.failure_mode, failure.node, failure.instant.step) == (FailureMode.COLLISION, 1, 60)
+    assert (failure.failure_mode, failure.node, failure.instant.step) == (FailureMode.COLLISION_LIMIT, 1, 60)
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_too_many_collisions_are_put_where_most_happened() -> None:
         (Outcome.ARRIVED, FailureMode.WRONG_ARRIVAL),
         (Outcome.LOST, FailureMode.LOST),
         (Outcome.NO_PATH, FailureMode.NO_PATH),
-        (Outcome.COLLISION_LIMIT, FailureMode.COLLISION),
-        (Outcome.STEP_LIMIT, FailureMode.TOO_SLOW),
+        (Outcome.COLLISION_LIMIT, FailureMode.COLLISION_LIMIT),
+        (Outcome.STEP_LIMIT, FailureMode.STEP_LIMIT),
     ],
 )
 def test_each_outcome_is_some_failure_mode(outcome: Outcome, failure_mode: FailureMode) -> None:
@@ -98,7 +98,7 @@ def test_each_outcome_is_some_failure_mode(outcome: Outcome, failure_mode: Failu
     assert (failure.node, failure.pose) == (None, None)
 
 
-def test_steps_lost_in_recovering_make_a_query_lost() -> None:
+def test_a_query_is_called_by_its_own_outcome_whatever_cost_its_steps() -> None:
     lost = [
         stamped for step in range(21, 28) for stamped in example_runs.at(step, example_runs.localised(0, step, None))
     ]
@@ -106,7 +106,7 @@ def test_steps_lost_in_recovering_make_a_query_lost() -> None:
         [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False), *lost], key=lambda at: at.step
     )
     (failure,) = failed_queries(Timeline.of(run))
-    assert failure.failure_mode is FailureMode.LOST
+    assert failure.failure_mode is FailureMode.STEP_LIMIT
 
 
 def test_a_denied_arrival_counts_as_a_setback() -> None:

@@ -231,7 +231,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
     past.state.open_replay = lambda _: faulty
     opened = past.do(c.OpenRecording("demo-fault.rrd", 1e9), c.ChooseQuestion(QuestionName.FAILURES), ticks=3)
     assert "4 of 4 queries failed" in words(opened)
-    assert all(trouble in words(opened) for trouble in ("way blocked 1", "wrong arrival 1", "no path 1"))
+    assert all(trouble in words(opened) for trouble in ("step limit 2", "wrong arrival 1", "no path 1"))
     past.do(c.Seek(0.0))
 
     pruned = past.state.shown_run.marks_until(None, MarkKind.PRUNE)[0]

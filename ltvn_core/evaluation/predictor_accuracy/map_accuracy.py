@@ -16,7 +16,7 @@ from ltvn_core.analysis.localisation_confidence import PerceptualAlias, find_per
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
-from ltvn_core.graph.deltas import Edge, GraphDelta, NodeAdded
+from ltvn_core.graph.deltas import GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import NO_PRIOR
 from ltvn_core.graph.matching import Matcher
@@ -26,7 +26,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.network.metrics import or_none, quantile
 from ltvn_core.training.drive_path import LIMITS, TrueViews
-from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor, Waypoint
 
 _MOST_RECOGNISED = 100
 """Maximum number of images without a node that are localised in the map, evenly spaced."""
@@ -48,7 +48,11 @@ class MapAccuracy:
     """Share of the images of the drive's largest part that are nodes in the map's largest piece or localised at one of
     its nodes."""
     false_edges: int | None
-    """Number of edges between far images, without turns on the spot."""
+    """Number of edges that lead elsewhere: more than 0.5 m or 20 degrees from where their waypoint says, however long
+    they are."""
+    edge_error_median_m: float | None
+    """Median distance of the ends of the edges from where their waypoints say, in metres; None also without edges."""
+    edge_error_p90_m: float | None
     perceptual_aliases: int | None
     """Number of pairs of nodes that are far apart but that the method accepts as near."""
 
@@ -83,12 +87,15 @@ class JudgedMap:
         assert self.views is not None
         return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
 
-    def is_false(self, edge: Edge) -> bool:
-        """Tell whether an edge joins far images, other than by a turn on the spot."""
+    def edge_errors(self) -> Waypoint:
+        """Return the true poses (E, 3) of the ends of all driven edges, seen from where their waypoints say."""
         assert self.views is not None
-        move = self.views.move(self.row_of[edge.source], self.row_of[edge.target])
-        turns = abs(edge.waypoint.yaw_rad) > LIMITS.near_rad and np.hypot(move[0], move[1]) < LIMITS.near_m
-        return bool(LIMITS.far(move)) and not turns
+        edges = self.map.graph.driven_edges.values()
+        rows = np.array([(self.row_of[edge.source], self.row_of[edge.target]) for edge in edges], np.intp).reshape(
+            -1, 2
+        )
+        truly = relative(self.views.poses[rows[:, 0]], self.views.poses[rows[:, 1]])
+        return relative(np.array([edge.waypoint for edge in edges]).reshape(-1, 3), truly)
 
 
 def build_judged_map(
@@ -115,6 +122,9 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
     pieces = strongly_connected_components(built.map.graph)
     near = built.map.system.method.building.connect_distance
     groups = None if built.views is None else _true_pieces(built.views, near)
+    errors = built.edge_errors() if known else np.empty((0, 3))
+    off_m = np.hypot(errors[:, 0], errors[:, 1])
+    is_false = (off_m > LOCALISED_M) | (np.abs(errors[:, 2]) > LOCALISED_RAD)
     return MapAccuracy(
         frames=len(built.observations),
         nodes=len(built.map.graph.nodes),
@@ -122,7 +132,9 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=sum(map(built.is_false, built.map.graph.edges.values())) if known else None,
+        false_edges=int(is_false.sum()) if known else None,
+        edge_error_median_m=or_none(quantile(off_m, 0.5)),
+        edge_error_p90_m=or_none(quantile(off_m, 0.9)),
         perceptual_aliases=len(true_aliases(built)) if known else None,
     )
 

@@ -5,10 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ltvn_core.config import ROBUST
 from ltvn_core.evaluation.perturbations import PERTURBATIONS
 from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan, judgement_findings
+from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, map_accuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairCounts, sample_pairs
-from ltvn_core.geometry import relative
+from ltvn_core.geometry import invert, relative
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
+from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training.drive_path import LIMITS, true_views
 from ltvn_core.types import Pose, Predictor
@@ -46,6 +53,38 @@ def test_a_predictor_that_knows_the_world_is_perfect_on_pairs_and_map(known: Con
     assert (known.map.pieces, known.map.true_pieces, known.map.largest_piece_share) == (1, 1, 1)
     assert (known.map.false_edges, known.map.perceptual_aliases) == (0, 0)
     assert (known.localisation.localised_share, known.localisation.wrong_place_share) == (1, 0)
+
+
+def test_a_long_edge_is_false_only_where_it_leads_elsewhere() -> None:
+    images = sequence(drive())
+    assert images.views is not None
+    first = images.observations[0]
+    far = next(
+        seen
+        for seen, move in zip(images.observations, images.views.moves_to(images.views)[0], strict=True)
+        if move[0] > 3
+    )
+    exact = relative(images.views.poses[0], images.views.poses[images.observations.index(far)])
+    nodes = [NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in (first, far)]
+    edges = [
+        EdgeAdded(Edge(first.step, far.step, pose_row(exact), Belief(0.8, 0.1, 0.1)), Cause.BUILD),
+        EdgeAdded(
+            Edge(far.step, first.step, pose_row(invert(exact) + np.array([0.0, 1.0, 0.0])), Belief(0.8, 0.1, 0.1)),
+            Cause.BUILD,
+        ),
+    ]
+    predictor = knowing_predictor()
+    shown = TopologicalMap.of(predictor, ltvn_system(ROBUST), TopologicalGraph([*nodes, *edges]), images.observations)
+    built = JudgedMap(
+        observations=images.observations,
+        features=predictor.encode(images.observations),
+        views=images.views,
+        map=shown,
+        deltas=[*nodes, *edges],
+    )
+    found = map_accuracy(built, progress=lambda done, total: None)
+    assert found.false_edges == 1
+    assert found.edge_error_p90_m == pytest.approx(0.9)
 
 
 def test_an_answer_that_is_always_the_same_tells_nothing_apart() -> None:

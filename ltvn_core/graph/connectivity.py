@@ -3,13 +3,14 @@
 Owns these two views of a graph. The cheapest path between two nodes is `graph.planner`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 import rustworkx
 from scipy.sparse import csr_array
 
+from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -46,12 +47,14 @@ def mirrored(
     return mirror, index
 
 
-def strongly_connected_components(graph: TopologicalGraph) -> tuple[tuple[NodeId, ...], ...]:
+def strongly_connected_components(
+    graph: TopologicalGraph, over: Callable[[Edge], bool] = lambda edge: True
+) -> tuple[tuple[NodeId, ...], ...]:
     """Return the strongly connected components of a map, the largest first, the nodes of each in order.
 
-    Within one, a path leads from every node to every other. Linear in nodes and edges.
+    Within one, a path leads from every node to every other, over edges that `over` accepts. Linear in nodes and edges.
     """
-    mirror, _ = mirrored(graph, graph.edges)
+    mirror, _ = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
     parts = [tuple(sorted(mirror[k] for k in part)) for part in rustworkx.strongly_connected_components(mirror)]
     return tuple(sorted(parts, key=lambda part: (-len(part), part)))
 

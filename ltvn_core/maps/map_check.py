@@ -32,6 +32,8 @@ MANY_IMAGES = 20
 """Number of images of a two-metre drive; a shorter drive may show a single place."""
 LITTLE_KNOWN = 0.8
 """Share of its own drive that a map should know; with less, the robot is lost on the rest."""
+MUCH_BY_ODOMETRY = 0.25
+"""Share of its own drive that a map knows only because odometry holds its pieces together, above which it says so."""
 PAIRS = 30
 """Number of pairs of consecutive images that are compared, spread over the drive."""
 RECOGNISED = 0.5
@@ -130,6 +132,13 @@ def _one_node(images: int, coverage: MapCoverage) -> Finding:
 
 
 def _coverage(coverage: MapCoverage) -> Iterator[Finding]:
+    if coverage.share - coverage.by_images >= MUCH_BY_ODOMETRY:
+        yield Finding(
+            "Odometry holds the map together: by recognised images alone, its largest piece knows "
+            f"{coverage.by_images:.0%} of its own drive instead of {coverage.share:.0%}. Where odometry is wrong, so "
+            "are those edges.",
+            remedy="Drive the places between again slowly, in both directions.",
+        )
     if coverage.share >= LITTLE_KNOWN:
         return
     text = (

@@ -52,6 +52,9 @@ class MapCoverage(NamedTuple):
     """The longest part of one drive that the piece does not know; None if it knows all."""
     lost: tuple[FrameId, ...] = ()
     """The images that the map does not know, in order."""
+    by_images: float = 1.0
+    """The same share for the largest piece that edges between recognised images hold together, without those that only
+    odometry vouches for."""
 
 
 def map_coverage(
@@ -66,19 +69,25 @@ def map_coverage(
     `observations` are in order, and `keyframes` contains the images of nodes and of the reserve. An image in neither
     has merged and was dropped, so its place is known, unless the predictor cannot use it.
     """
-    pieces = strongly_connected_components(graph)
-    piece = set(pieces[0]) if pieces else set[FrameId]()
+    piece, piece_by_images = (
+        set(next(iter(strongly_connected_components(graph, over)), ()))
+        for over in (lambda edge: True, lambda edge: not edge.by_odometry)
+    )
     in_reserve = [seen.step for seen in observations if seen.step in keyframes and seen.step not in graph.nodes]
     matcher = Matcher(predictor, keyframes, system.method.matching)
-    answers = {}
-    for frame in evenly(in_reserve, ASKED):
-        found = system.localise(keyframes.features([frame]), graph, NO_PRIOR, matcher)
-        answers[frame] = found.node in piece
-    known = _known(observations, {node: node in piece for node in graph.nodes} | answers, set(in_reserve), predictor)
+    at = {node: node for node in graph.nodes} | {
+        frame: system.localise(keyframes.features([frame]), graph, NO_PRIOR, matcher).node
+        for frame in evenly(in_reserve, ASKED)
+    }
+    known, known_by_images = (
+        _known(observations, {frame: node in part for frame, node in at.items()}, set(in_reserve), predictor)
+        for part in (piece, piece_by_images)
+    )
     return MapCoverage(
         share=float(np.mean(known)) if known else 1.0,
         gap=_longest_gap(observations, known, graph),
         lost=tuple(seen.step for seen, is_known in zip(observations, known, strict=True) if not is_known),
+        by_images=float(np.mean(known_by_images)) if known_by_images else 1.0,
     )
 
 

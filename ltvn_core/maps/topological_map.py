@@ -29,6 +29,7 @@ from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
 from ltvn_core.maps.map_check import MappedDrive, diagnose
 from ltvn_core.maps.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
+from ltvn_core.maps.scale_check import scale_findings
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.navigator import Navigator
@@ -389,7 +390,13 @@ def build_map(
     )
     standing = goal_reports(graph, [*goals], keyframes, predictor, system)
     told = [report.finding for report in standing if report.finding is not None]
-    findings = (*drive_findings(reports), *_sequence_findings(in_order, drives), *diagnose(drive, coverage), *told)
+    findings = (
+        *drive_findings(reports),
+        *_sequence_findings(in_order, drives),
+        *scale_findings(graph, in_order),
+        *diagnose(drive, coverage),
+        *told,
+    )
     for finding in findings:
         log.warning(finding)
     return TopologicalMap(

@@ -40,6 +40,8 @@ class BuildSummary(WithDoubts):
     known_share: float
     """Share of the images that are nodes of the largest piece, or are recognised as one; at other images a robot is
     lost."""
+    known_by_images: float
+    """The same share for the largest piece that recognised images alone hold together, without edges by odometry."""
     drives: tuple[DriveReport, ...] = ()
     """One report per drive if there are several: how it is joined to the map, and what changed since the earlier
     drives."""
@@ -89,6 +91,7 @@ def _built(options: BuildVerb) -> Summary:
         reserve=len(graph.reserve),
         pieces=count_strongly_connected_components(graph),
         known_share=round(built.coverage.share, 3),
+        known_by_images=round(built.coverage.by_images, 3),
         drives=built.drives,
         goals=built.goals,
         findings=built.findings,

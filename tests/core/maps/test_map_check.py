@@ -7,12 +7,14 @@ import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import count_strongly_connected_components
-from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
-from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
+from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.map_check import map_findings
-from ltvn_core.maps.map_coverage import MapCoverage
+from ltvn_core.maps.map_coverage import MapCoverage, map_coverage
+from ltvn_core.maps.scale_check import scale_findings
 from ltvn_core.maps.topological_map import build_map
 from ltvn_core.types import Features, Observation, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
@@ -207,3 +209,35 @@ def test_a_drive_without_odometry_is_not_told_to_be_thinned_less_by_metres() -> 
     said = " ".join(build_map(mixed, predictor=FlatPredictor(one_room(), sight_m=0.4)).doubts)
     assert "Likely cause" in said
     assert "thin less" not in said
+
+
+def test_what_odometry_alone_holds_together_is_counted_and_doubted() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)], spins=False))
+    built = build_map(images, predictor=FlatPredictor(one_room()))
+    middle = images[len(images) // 2].step
+    crossing = [
+        replace(edge, by_odometry=(edge.source < middle) != (edge.target < middle))
+        for edge in built.graph.edges.values()
+    ]
+    nodes = [NodeAdded(node, Cause.BUILD) for node in built.graph.nodes.values()]
+    joined = TopologicalGraph([*nodes, *(EdgeAdded(edge, Cause.BUILD) for edge in crossing)])
+    coverage = map_coverage(images, joined, built.keyframes, built.predictor, built.system)
+    assert coverage.share == 1
+    assert 0.3 < coverage.by_images < 0.75
+    (doubt,) = map_findings(joined, len(images), coverage)
+    assert f"{coverage.by_images:.0%}" in doubt.text
+
+
+@pytest.mark.parametrize(("scale", "is_told"), [(1.0, False), (0.49, True), (1.6, True)])
+def test_one_factor_between_images_and_odometry_is_doubted(scale: float, is_told: bool) -> None:
+    images = [observation_at(np.array([0.25 * k, 0.02 * k, 0.0]), k) for k in range(40)]
+    graph = TopologicalGraph(NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in images)
+    rng = np.random.default_rng(0)
+    for source, target in ((k, k + 2) for k in range(38)):
+        move = relative(images[source].odometry, images[target].odometry)
+        waypoint = pose_row(move * [*np.full(2, scale * (0.95, 1.0, 1.05)[source % 3]), 1.0])
+        graph.apply(EdgeAdded(Edge(source, target, waypoint, Belief(0.9, 0.5, 0.1)), Cause.BUILD))
+    told = [finding.text for finding in scale_findings(graph, images)]
+    assert [f"{scale:.2f}" in text for text in told] == [True] * is_told
+    at_random = [replace(seen, odometry=seen.odometry * rng.uniform(0.3, 1.7)) for seen in images]
+    assert not [*scale_findings(graph, at_random)]  # No one factor explains these.

@@ -11,9 +11,11 @@ from enum import Enum, auto
 import numpy as np
 
 from ltvn_core.config import Method
+from ltvn_core.geometry import relative
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.connectivity import strongly_connected_components
-from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.corrections import Correction
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
@@ -30,7 +32,7 @@ from ltvn_core.graph.operators import (
 )
 from ltvn_core.graph.slip_check import SlipCheck
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
+from ltvn_core.graph.trajectory import odometry_of, usable_trajectory
 from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
@@ -64,8 +66,13 @@ def build(
     keyframes.add(observations)
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
-        confirms = SlipCheck(matcher).confirms
-        observations = without_slips(observations, predictor.camera, keyframes.odometry_starts, confirms)
+        check = SlipCheck(matcher)
+        mended = without_slips(observations, predictor.camera, keyframes.odometry_starts, check.confirms)
+        if check.errors:
+            moved = odometry_of(mended) - odometry_of(observations)
+            slips = Correction.of("wheel slips", moved, np.concatenate(check.errors), count=len(check.errors))
+            keyframes.corrections.append(slips)
+        observations = mended
         keyframes.correct(observations)
     loop_closures = LoopClosureVerifier(matcher)
     count = len(observations)
@@ -80,19 +87,41 @@ def build(
     run.keep_largest_pieces()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
+    _note_edges("bridges by odometry", deltas, deltas, keyframes)
     if not method.building.floor_edges:
         return deltas
     floor = FreeFloor([keyframes.observation(node) for node in run.nodes], predictor.camera, odometry_gate)
-    edges = floor_edges(
-        TopologicalGraph(deltas),
-        odometry_gate,
-        floor,
-        method,
-        lambda share: tell(round((before_floor + _FLOOR_SHARE * share) * count), count),
-    )
+    edges = [
+        *floor_edges(
+            TopologicalGraph(deltas),
+            odometry_gate,
+            floor,
+            method,
+            lambda share: tell(round((before_floor + _FLOOR_SHARE * share) * count), count),
+        )
+    ]
+    _note_edges("edges over free floor", edges, deltas, keyframes)
     deltas = (*deltas, *edges)
     tell(count, count)
     return deltas
+
+
+def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDelta], keyframes: KeyframeStore) -> None:
+    """Note the edges that only odometry vouches for, with the error of odometry by the edges between recognised
+    images."""
+    by_odometry = [delta.edge for delta in added if isinstance(delta, EdgeAdded) and delta.edge.by_odometry]
+    if not by_odometry:
+        return
+    seen = [delta.edge for delta in deltas if isinstance(delta, EdgeAdded) and not delta.edge.by_odometry]
+    seen = [edge for edge in seen if keyframes.drive_of(edge.source) == keyframes.drive_of(edge.target)]
+    ends = [odometry_of([keyframes.observation(end) for end in part]) for part in zip(*map(_ends, seen), strict=True)]
+    errors = relative(np.array([edge.waypoint for edge in seen]), relative(*ends)) if seen else np.empty((0, 3))
+    lengths = np.array([edge.waypoint for edge in by_odometry])
+    keyframes.corrections.append(Correction.of(what, lengths, errors, count=len(by_odometry)))
+
+
+def _ends(edge: Edge) -> tuple[NodeId, NodeId]:
+    return edge.source, edge.target
 
 
 def _no_progress(done: int, total: int) -> None:

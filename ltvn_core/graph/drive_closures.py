@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation
 
 log = logging.getLogger(__name__)
@@ -98,8 +101,13 @@ def with_closed_loops(
         return observations, gate
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
+        before = odometry_of(observations)
         observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
         keyframes.correct(observations)
+        if closures:
+            moved = odometry_of(observations) - before
+            errors = _errors(closures, keyframes)
+            keyframes.corrections.append(Correction.of("loop closures", moved, errors, count=len(closures)))
         gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
@@ -107,6 +115,15 @@ def with_closed_loops(
     return observations, OdometryGate(
         observations, config, drive_starts=starts, resumed=resumed, links=links, closures=closures
     )
+
+
+def _errors(closures: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
+    """Return the errors (N, 3) of the corrected odometry by its own closures."""
+    first, second = (
+        odometry_of([keyframes.observation(frame) for frame in frames])
+        for frames in ([link.frame for link in closures], [link.other for link in closures])
+    )
+    return relative(np.array([link.waypoint for link in closures]), relative(first, second))
 
 
 class ClosedDrives(NamedTuple):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.feature_rows import FeatureRows
 from ltvn_core.types import Features, FrameId, HeldFeatures, Observation, Predictor
 
@@ -35,6 +36,8 @@ class KeyframeStore:
         self._keys: FeatureRows | None = None
         self._asked: tuple[tuple[FrameId, ...], NDArray[np.intp]] | None = None
         """The frames of the last call of `held`, and their rows; None after a change."""
+        self.corrections: list[Correction] = []
+        """What building a map from these images corrected or added by itself, in order."""
         self._has_odometry = False
         """Whether odometry ever moved; if not, it cannot tell which images are near each other."""
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.wheel_slips import Slip
-from ltvn_core.types import Observation, Waypoint
+from ltvn_core.types import Observation
 
 _BESIDE = 4
 """Number of images on each side of a slip that are compared with those on the other side."""
@@ -31,6 +31,8 @@ class SlipCheck:
     def __init__(self, matcher: Matcher) -> None:
         """Compare through `matcher`, whose keyframes contain the drive."""
         self._matcher = matcher
+        self.errors: list[NDArray[np.float64]] = []
+        """For each confirmed slip, the (P, 3) errors of the mended odometry by the pairs across it."""
 
     def confirms(self, drive: Sequence[Observation], slip: Slip, around: tuple[int, int]) -> bool:
         """Tell whether the images of a drive, from the first to the last row `around` a slip, agree better after it is
@@ -49,10 +51,10 @@ class SlipCheck:
         there = relative(np.array([one.odometry for one, _ in pairs]), before[-1].odometry)
         onward = relative(after[0].odometry, np.array([other.odometry for _, other in pairs]))
         by_odometry, mended = (
-            _errors(compose(compose(there, moved), onward), waypoints)[seen] for moved in (slip.moved, slip.truly)
+            relative(compose(compose(there, moved), onward), waypoints)[seen] for moved in (slip.moved, slip.truly)
         )
-        return bool((mended < by_odometry).mean() >= _LEAST_SHARE and np.median(mended) < np.median(by_odometry))
-
-
-def _errors(expected: Waypoint, seen: Waypoint) -> NDArray[np.float64]:
-    return distance(relative(expected, seen))
+        before_d, after_d = distance(by_odometry), distance(mended)
+        if (after_d < before_d).mean() < _LEAST_SHARE or np.median(after_d) >= np.median(before_d):
+            return False
+        self.errors.append(mended)
+        return True

@@ -6,8 +6,10 @@ Owns these checks, which every builder runs first.
 import logging
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from ltvn_core.errors import MapError
-from ltvn_core.types import FrameId, Observation, Predictor, is_usable
+from ltvn_core.types import FrameId, Observation, Pose, Predictor, is_usable
 
 log = logging.getLogger(__name__)
 
@@ -50,3 +52,8 @@ def usable_trajectory(
         left_out[0],
     )
     return usable
+
+
+def odometry_of(observations: Sequence[Observation]) -> Pose:
+    """Return the odometry (N, 3) of images."""
+    return np.array([seen.odometry for seen in observations]).reshape(-1, 3)

@@ -19,6 +19,7 @@ from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load
 from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.corrections import Correction, to_config
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localiser
 from ltvn_core.graph.matching import Matcher
@@ -81,6 +82,8 @@ class TopologicalMap(WithDoubts):
     """Reports of the drives when the map was built from several; empty for a single drive, or a map that was loaded."""
     goals: tuple[GoalReport, ...] = ()
     """Reports about the named goals when the map was built."""
+    corrections: tuple[Correction, ...] = ()
+    """What building the map corrected or added by itself; empty for a map that was loaded."""
     findings: tuple[Finding, ...] = ()
     """Problems of the drive and the map when it was built, with likely causes and advice."""
 
@@ -277,6 +280,7 @@ class TopologicalMap(WithDoubts):
                 "method": asdict(self.system.method),
                 **({"predictor": named} if (named := self.predictor_name or opened_name(self.predictor)) else {}),
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
+                **to_config(self.corrections),
                 **(config or {}),
             },
             origin=None if origin is None else Path(origin),
@@ -368,6 +372,7 @@ def build_map(
     keyframes = built.keyframes
     keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
     built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
+    corrections = tuple(keyframes.corrections)
     resumed = keyframes.resumed_starts  # Drives whose images contradict the continued odometry are left out.
     drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
     reports: tuple[DriveReport, ...] = ()
@@ -410,6 +415,7 @@ def build_map(
         coverage=coverage,
         drives=reports,
         goals=standing,
+        corrections=corrections,
         findings=findings,
     )
 

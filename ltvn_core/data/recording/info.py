@@ -10,6 +10,7 @@ from ltvn_core.data.recording.damage.integrity import repair
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import require_rrd
 from ltvn_core.errors import RecordingError
+from ltvn_core.graph.corrections import Correction, from_config
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
 
 
@@ -37,6 +38,8 @@ class RecordingInfo:
     reached: int | None
     """Number of reached goals by the evaluation's criterion; None without an evaluation."""
     collisions: int
+    corrections: tuple[Correction, ...]
+    """What building the map corrected or added by itself; empty for other recordings, and older maps."""
     events: Mapping[str, int]
     """Number of events of each kind."""
     fingerprint: str
@@ -78,6 +81,7 @@ def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
         queries=sum(isinstance(event, QueryEnded) for event in events),
         reached=sum(verdicts) if verdicts else None,
         collisions=sum(isinstance(event, Collided) for event in events),
+        corrections=from_config(meta.config),
         events=dict(sorted(Counter(type(event).__name__ for event in events).items())),
         fingerprint=meta.fingerprint,
         schema=meta.schema,

@@ -8,6 +8,7 @@ from tqdm import tqdm
 from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.connectivity import count_strongly_connected_components
+from ltvn_core.graph.corrections import Correction
 from ltvn_core.maps.joined_map import DriveReport
 from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
@@ -47,6 +48,8 @@ class BuildSummary(WithDoubts):
     drives."""
     goals: tuple[GoalReport, ...] = ()
     """For each of --goals, whether the map holds it, and the most similar node if it does not."""
+    corrections: tuple[Correction, ...] = ()
+    """What the build corrected or added by itself, each with its own error."""
     findings: tuple[Finding, ...] = ()
     """Warnings about the drive or the map; empty if there are none."""
 
@@ -94,5 +97,6 @@ def _built(options: BuildVerb) -> Summary:
         known_by_images=round(built.coverage.by_images, 3),
         drives=built.drives,
         goals=built.goals,
+        corrections=built.corrections,
         findings=built.findings,
     )

@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.info import read_info
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.corrections import from_config
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.slip_check import SlipCheck
@@ -140,3 +143,18 @@ def test_a_map_of_a_drive_without_odometry_has_no_edge_by_odometry(drive: list[O
     assert graph.nodes
     assert not any(any(node.odometry) for node in graph.nodes.values())
     assert not any(edge.by_odometry for edge in graph.edges.values())
+
+
+def test_a_map_tells_what_its_build_corrected_and_how_sure_that_is(drive: list[Observation], tmp_path: Path) -> None:
+    wrong = slipped(drive[60:90], 15, np.array([0.2, 0.0, 0.15]))
+    built = build_map(wrong, predictor=open_predictor("network"))
+    built.save(tmp_path / "map.rrd")
+    told = read_info(tmp_path / "map.rrd").corrections
+    assert told == built.corrections
+    (slips,) = [each for each in told if each.what == "wheel slips"]
+    assert slips.count == 1
+    assert slips.most_m == pytest.approx(0.2, abs=0.15)
+    assert slips.most_deg == pytest.approx(np.degrees(0.15), abs=3)
+    assert slips.error_m is not None
+    assert 0 < slips.error_m < 0.15
+    assert not from_config({"corrections": [{"what": "slips"}, 3, None]})

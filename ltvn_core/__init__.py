@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from ltvn_core.graph.deltas import Belief as Belief
     from ltvn_core.graph.navigation_system import NavigationSystem as NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph as TopologicalGraph
+    from ltvn_core.maps.built_map import build_map as build_map
     from ltvn_core.maps.topological_map import TopologicalMap as TopologicalMap
-    from ltvn_core.maps.topological_map import build_map as build_map
     from ltvn_core.navigation.events import QueryEnded as QueryEnded
     from ltvn_core.navigation.events import Tick as Tick
     from ltvn_core.navigation.navigator import Navigator as Navigator
@@ -78,7 +78,7 @@ _HOMES = {
     "TopologicalMap": "maps.topological_map",
     "Twist": "types",
     "WallClock": "robots.robot",
-    "build_map": "maps.topological_map",
+    "build_map": "maps.built_map",
     "compose": "geometry",
     "open_predictor": "predictors.opening",
     "open_simulation": "simulation.opening",

@@ -14,7 +14,7 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
 from ltvn_core.robots.ros2.topic_keys import BUMPER, DIAGNOSTIC, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
-from ltvn_core.types import Depth, Pose, Rgb, Twist
+from ltvn_core.types import ZERO_TWIST, Depth, Pose, Rgb, Twist
 
 BASE_FRAME = "base_link"
 ODOMETRY_FRAME = "odom"
@@ -138,13 +138,22 @@ def read_stamp(message: Any, source: str) -> float:
 
 
 def read_twist(message: Any, source: str) -> Twist:
-    """Return the speeds in a Twist or TwistStamped. Raises RobotError if any of its six is not finite."""
+    """Return the speeds in a Twist or TwistStamped.
+
+    Raises RobotError if any of its six is not finite, or if it asks only for speeds that the robot cannot drive: such a
+    command is no stop.
+    """
     body = getattr(message, "twist", message)
     twist = Twist(float(body.linear.x), float(body.angular.z))
     every = [float(getattr(part, axis)) for part in (body.linear, body.angular) for axis in "xyz"]
     if not all(map(math.isfinite, every)):
         raise RobotError(
             f"{source}: a command must be two finite speeds, got {every[:3]} m/s and {every[3:]} rad/s; it is refused."
+        )
+    if any(every) and twist == ZERO_TWIST:
+        raise RobotError(
+            f"{source}: a command must be a speed ahead and a turn, got {every[:3]} m/s and {every[3:]} rad/s; it is "
+            "refused."
         )
     return twist
 

@@ -12,8 +12,8 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_coverage import GoalReport, Standing, goal_reports, standings
-from ltvn_core.maps.topological_map import build_map
 from ltvn_core.types import Features, FrameId, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
 

@@ -16,7 +16,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.slip_check import SlipCheck
 from ltvn_core.graph.wheel_slips import Slip, SlipTracker, find_slips, without_slips
-from ltvn_core.maps.topological_map import build_map
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation, Pose

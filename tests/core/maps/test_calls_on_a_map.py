@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import MapError, OptionError
-from ltvn_core.maps.topological_map import TopologicalMap, build_map
+from ltvn_core.maps.built_map import build_map
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, one_room, tour
 

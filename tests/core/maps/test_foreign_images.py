@@ -7,7 +7,7 @@ import pytest
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import ImageError, MapError
-from ltvn_core.maps.topological_map import build_map
+from ltvn_core.maps.built_map import build_map
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_MAP
 

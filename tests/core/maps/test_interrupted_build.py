@@ -15,7 +15,7 @@ import pytest
 
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.maps.topological_map import build_map
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.predictors.remembered_answers import RememberedPredictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from tests.core.flat_world import FlatPredictor, one_room, tour

@@ -12,10 +12,10 @@ from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_check import map_findings
 from ltvn_core.maps.map_coverage import MapCoverage, map_coverage
 from ltvn_core.maps.scale_check import scale_findings
-from ltvn_core.maps.topological_map import build_map
 from ltvn_core.types import Features, Observation, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_MAP

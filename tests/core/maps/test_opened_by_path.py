@@ -13,8 +13,9 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import DriveError, RecordingError, WeightsError
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
-from ltvn_core.maps.topological_map import TopologicalMap, build_map
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.predictors.opening import open_predictor

@@ -13,8 +13,9 @@ from ltvn_core.errors import MapError
 from ltvn_core.geometry import compose
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.joined_drives import JoinedDrive, JoinedDrives, join_drives
-from ltvn_core.maps.topological_map import TopologicalMap, build_map
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
 from ltvn_core.types import Observation, Pose
 from ltvn_core.worlds import TimePassed

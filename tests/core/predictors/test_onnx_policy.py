@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.maps.topological_map import build_map
+from ltvn_core.maps.built_map import build_map
 from ltvn_core.predictors.composed import ComposedPredictor
 from ltvn_core.predictors.onnx_card import read_onnx_card
 from ltvn_core.predictors.onnx_policy import OnnxModel, OnnxPolicy

@@ -294,6 +294,9 @@ def test_numbers_that_cannot_be_are_refused() -> None:
     sideways.linear.y = math.nan
     with pytest.raises(RobotError, match="two finite speeds"):
         read_twist(sideways, "/cmd_vel")
+    sideways.linear.y = 0.3  # To drop it would make a stop of it.
+    with pytest.raises(RobotError, match="refused"):
+        read_twist(sideways, "/cmd_vel")
     with pytest.raises(RobotError, match="both must be finite metres"):
         read_odometry(odometry_message(np.array([math.inf, 0.0, 0.0]), Twist(0.0, 0.0), 1.0), "/odom")
     with pytest.raises(RobotError, match="heading"):

@@ -206,9 +206,9 @@ def test_a_cut_connection_and_a_reload_leave_the_tab_open_that_was_open(app: Fla
         expect(page.get_by_role("tab", name="World")).to_have_attribute("aria-selected", "true")
 
 
-def test_a_refused_command_says_what_is_possible(app: FlatApp, page: Page) -> None:
+def test_a_refused_command_says_what_to_do_first(app: FlatApp, page: Page) -> None:
     page.keyboard.press("p")
-    expect(page.get_by_role("alert").filter(has_text="You can:").first).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="Choose a goal").first).to_be_visible()
 
 
 def test_what_the_robot_sees_is_drawn_pixel_for_pixel_and_larger_without_a_blur(app: FlatApp, page: Page) -> None:

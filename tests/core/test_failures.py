@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -256,16 +257,16 @@ def test_a_name_in_utf8_is_not_called_something_else_where_python_does_not_read_
 
 @needs_posix
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can become an unknown user")
-def test_a_user_without_a_home_gets_a_cache_among_the_temporary_files(tmp_path: Path) -> None:
-    tmp_path.chmod(0o777)
-    program = (
-        "import os, ltvn_core.cache_folder as c; os.setuid(23456); "
-        f"c.tempfile.tempdir = {str(tmp_path)!r}; c._temporary_folder(); print(c.cache_folder(), c.cache_folder())"
-    )
+def test_a_user_without_a_home_gets_a_cache_among_the_temporary_files() -> None:
     without = {name: text for name, text in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
-    for parent in tmp_path.parents[:2]:
-        parent.chmod(parent.stat().st_mode | 0o711)
-    run = subprocess.run([sys.executable, "-c", program], env=without, capture_output=True, text=True, check=True)
+    with tempfile.TemporaryDirectory() as folder:  # Not pytest's, which only root may enter.
+        Path(folder).chmod(0o777)
+        program = (
+            "import os, ltvn_core.cache_folder as c; os.setuid(23456); "
+            f"c.tempfile.tempdir = {folder!r}; c._temporary_folder(); print(c.cache_folder(), c.cache_folder())"
+        )
+        run = subprocess.run([sys.executable, "-c", program], env=without, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
     first, second = run.stdout.split()
-    assert first == second == str(tmp_path / "ltvn-cache-23456")
+    assert first == second == f"{folder}/ltvn-cache-23456"
     assert run.stderr.count("no home folder") == 1

@@ -252,6 +252,6 @@ def test_a_disk_that_fills_up_is_said_once_and_the_beginning_is_kept(tmp_path: P
         cwd=ROOT,
     )
     assert run.stdout.startswith("1 "), run.stdout + run.stderr
-    assert "full" in run.stdout
+    assert "limit" in run.stdout
     saved = repair(path, tmp_path / "repaired.rrd")
     assert saved.frames >= 10

@@ -43,7 +43,7 @@ def test_an_imported_drive_becomes_a_map_that_opens_with_what_made_it_and_nothin
     node = opened.keyframes.observation(next(iter(opened.graph.nodes)))
     assert node.rgb.shape == (CAMERA.height, CAMERA.width, 3)
     with pytest.raises(MapError, match=r"by the predictor geometric .* --predictor geometric"):
-        ltvn.TopologicalMap.load(path, ltvn.load_predictor())
+        ltvn.TopologicalMap.load(path, ltvn.open_predictor())
 
 
 def test_the_network_builds_from_the_same_drive_through_its_own_camera(drive: Path, tmp_path: Path) -> None:

@@ -27,8 +27,8 @@ def size_bytes(path: Path) -> int:
 def test_a_tour_that_is_asked_to_end_leaves_a_finished_recording(tmp_path: Path, asked: signal.Signals) -> None:
     pytest.importorskip("embreex")
     path = tmp_path / "tour.rrd"
-    # Whoever runs the tests in the background hands on that interrupts are ignored.
-    begin = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    # Whoever runs the tests in the background, or with nohup, hands on that interrupts or hang-ups are ignored.
+    begin = "import signal as s, sys; s.signal(s.SIGINT, s.default_int_handler); s.signal(s.SIGHUP, s.SIG_DFL)"
     program = f"{begin}; from ltvn_core.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "collect", "--output", str(path), "--loops", "50"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT) as tour:

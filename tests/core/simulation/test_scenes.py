@@ -37,7 +37,7 @@ def scene() -> Scene:
 @pytest.fixture
 def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A cache of this test's own, in which nothing lies yet."""
-    monkeypatch.setattr("ltvn_core.simulation.scene_registry.user_cache_path", lambda _: tmp_path)
+    monkeypatch.setattr("ltvn_core.simulation.scene_registry.cache_folder", lambda: tmp_path)
     load_scene.cache_clear()
     yield tmp_path
     load_scene.cache_clear()

@@ -169,12 +169,12 @@ class FailureQuestion(Question[ShowFailures]):
         return self._drawn[1]
 
 
-def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
+def _row(context: DebugContext, failure: FailedQuery, *, is_later: bool = False) -> tuple[Inline, ...]:
     node = "–" if failure.node is None else Link(str(failure.node), PointAt(failure.node))
     judged = failure.query.judged
     is_wrong = failure.failure_mode is FailureMode.WRONG_ARRIVAL and judged is not None
     missed = f", {judged.position_error_m:.2f} m off" if is_wrong and judged is not None else ""
-    cause = Hint(f"{failure.failure_mode}{missed}", failure.text)
+    cause = Hint(f"{failure.failure_mode}{missed}", "" if is_later else failure.text)
     return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node
 
 
@@ -219,7 +219,7 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
     builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"))
-    builder.add_table(("later", *_HEAD), [_row(context, each) for each in later[:_ROWS]])
+    builder.add_table(("later", *_HEAD), [_row(context, each, is_later=True) for each in later[:_ROWS]])
     if len(later) > _ROWS:
         builder.add_line(f"Later there are {count_text(len(later) - _ROWS, 'more failure')}.")
 

@@ -110,7 +110,7 @@ def test_every_job_that_a_verb_names_is_a_function_of_its_module() -> None:
 
 def test_a_package_cannot_replace_our_verb(packages: Path) -> None:
     assert "Not ours" not in ltvn(packages, "--help").stdout
-    assert "Describe a recording or a map" in ltvn(packages, "info", "--help").stdout
+    assert "Describe recordings or maps" in ltvn(packages, "info", "--help").stdout
 
 
 def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages: Path) -> None:

@@ -217,7 +217,7 @@ def _check_results(replay: ReplayedFile) -> None:
         return
     over = [query for query in replay.timeline.queries if query.end is not None and query.last < replay.known]
     failed = [query.id for query in over if query.succeeded is False]
-    listed = [row for head, rows in replay.tables(QuestionName.FAILURES) if "cause" in head for row in rows]
+    listed = [row for head, rows in replay.tables(QuestionName.FAILURES) if head[0] == "when" for row in rows]
     queries = "query" if len(over) == 1 else "queries"
     counted = f"{len(failed)} of {len(over)} {queries} failed" if over else "No query has ended yet."
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -28,7 +29,8 @@ def listed(server: viser.ViserServer) -> dict[str, viser.CommandHandle]:
 def trigger(handle: viser.CommandHandle) -> None:
     """Choose an entry, as a page does."""
     (chosen,) = handle._impl.trigger_cb
-    asyncio.run(chosen(None))  # type: ignore[arg-type]
+    with ThreadPoolExecutor(1) as thread:  # A browser's loop may run in this one.
+        thread.submit(asyncio.run, chosen(None)).result()  # type: ignore[arg-type]
 
 
 def test_actions_questions_and_recordings_are_listed_and_go_when_they_are_gone(

@@ -22,7 +22,7 @@ from ltvn_core.geometry import distance
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
-from ltvn_core.graph.free_floor import WELL_KNOWN_M, FreeFloor
+from ltvn_core.graph.free_floor import LONGEST_M, WELL_KNOWN_M, FreeFloor
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import bidirectional_edges
@@ -33,8 +33,6 @@ from ltvn_core.types import NodeId
 _PLACE_M = 0.45
 """Distance in metres below which two nodes are one place: robots on both sides of the thinnest wall are farther
 apart."""
-_REACH_M = 8.0
-"""Length of the longest edge, in metres."""
 _LONG_M = 2.5
 """Length of an edge above which a robot may lose its place on the way, in metres."""
 _STRETCH = 1.2
@@ -102,7 +100,7 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method
     most_cost, doubt_cost = (
         edge_cost(initial_belief(p, 0.0, method.believing), method.planning) for p in (most, _DOUBTED)
     )
-    for k, beside in enumerate(KDTree(places).query_ball_point(places, _REACH_M, return_sorted=True)):
+    for k, beside in enumerate(KDTree(places).query_ball_point(places, LONGEST_M, return_sorted=True)):
         others = np.array([j for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges], np.intp)
         waypoints, driven_m = gate.seen_from(nodes[k], rows[others])
         away_m = np.hypot(waypoints[:, 0], waypoints[:, 1])
@@ -111,7 +109,7 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method
         longest = np.where(away_m <= _LONG_M, _STRETCH, _LONG_STRETCH) * cost
         # The edges that are added later only shorten these paths.
         paths = dijkstra(costs, indices=k, limit=longest.max(initial=0.0))[others]
-        known = np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= _REACH_M) & (paths > longest))
+        known = np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= LONGEST_M) & (paths > longest))
         may_be_free = floor.may_join(rows[k], rows[others[known]], waypoints[known])
         for j in known[may_be_free | (away_m[known] <= _PLACE_M)]:
             matches = Matches.of_one(nodes[others[j]], most if is_sure[j] else _DOUBTED, waypoints[j])

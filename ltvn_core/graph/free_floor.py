@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_points import cell_keys, transform_points
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.geometry import compose, invert, wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.presence.obstruction import distances_to_way
@@ -32,6 +32,8 @@ _AROUND = np.stack(np.meshgrid(_REACH, _REACH), axis=-1).reshape(-1, 2)
 """Cells (C, 2) in the range of a scan, relative to the cell of its image."""
 _MERGED_AT_ONCE = 64
 """Number of images whose cells are sorted at once."""
+LONGEST_M = 8.0
+"""Greatest length of a line, in metres."""
 WELL_KNOWN_M = 10.0
 """Greatest distance along the drive over which odometry is accurate, in metres."""
 
@@ -47,6 +49,7 @@ class FreeFloor:
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
         self._things = [scan.solid_points() for scan in scans]
+        self._near: dict[NodeId, _Elsewhere] = {}
         self._stretch_of, poses = gate.placed(self._rows)
         own = {stretch: np.flatnonzero(self._stretch_of == stretch) for stretch in np.unique(self._stretch_of).tolist()}
         self._stretches = {stretch: self._stretch(images, poses[images]) for stretch, images in own.items()}
@@ -55,12 +58,17 @@ class FreeFloor:
         """Tell (M,) whether any images saw straight lines free that lead from the image in a row to waypoints (M, 3).
 
         A quick test that excludes most lines, because these lead through walls; `targets` are the rows (M,) of the
-        images there. Lines to other stretches of odometry are not tested.
+        images there. Lines to another stretch of odometry may be free by the images of either.
         """
-        (stretch, *others), (pose, *_) = self._gate.placed(np.array([source, *targets]))
+        (stretch,), (pose,) = self._gate.placed(np.array([source]))
+        others, places = self._gate.placed(targets)
         points = np.linspace(0, 1, _FEW + 2)[1:-1, None, None] * waypoints[:, :2]
         seen = self._stretches[int(stretch)].grid.shows(transform_points(points.reshape(-1, 2), pose))
-        return seen.reshape(_FEW, len(waypoints)).all(axis=0) | (np.array(others, np.intp) != stretch)
+        seen = seen.reshape(_FEW, len(waypoints))
+        for k in np.flatnonzero(others != stretch):
+            there = compose(places[k], invert(waypoints[k]))
+            seen[:, k] |= self._stretches[int(others[k])].grid.shows(transform_points(points[:, k], there))
+        return np.logical_and.reduce(seen, axis=0)
 
     def joins(self, source: NodeId, target: Matches) -> bool:
         """Tell whether images around both ends saw the straight line from a node to the only target free, with no
@@ -70,19 +78,30 @@ class FreeFloor:
         stretch = self._stretches[int(number)]
         line = transform_points(way, pose)
         own = stretch.images[distances_to_way(stretch.places, line[0], line[-1]) < RANGE_M]
-        images = np.concatenate([own, np.flatnonzero(self._stretch_of != number)])
-        poses, driven_m = self._gate.seen_from(source, self._rows[images])
+        elsewhere = self._elsewhere(source)
+        images = np.concatenate([own, elsewhere.images])
+        poses, driven_m = self._gate.seen_from(source, self._rows[own])
+        poses = np.concatenate([poses, elsewhere.poses])
+        near = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
+        images, poses, driven_m = images[near], poses[near], np.concatenate([driven_m, elsewhere.driven_m])[near]
         _, back_m = self._gate.seen_from(target.nodes[0], self._rows[images])
-        in_range = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
-        near = (np.minimum(driven_m, back_m) <= WELL_KNOWN_M) & in_range
+        near = np.minimum(driven_m, back_m) <= WELL_KNOWN_M
         images, poses = images[near], poses[near]
         if not self._seen_free(way, images, poses).any(axis=0).all() or stretch.blocks(line, images):
             return False
-        elsewhere = self._stretch_of[images] != number
-        things = [
-            transform_points(self._things[k], at) for k, at in zip(images[elsewhere], poses[elsewhere], strict=True)
-        ]
+        others = self._stretch_of[images] != number
+        things = [transform_points(self._things[k], at) for k, at in zip(images[others], poses[others], strict=True)]
         return not any(_least_m(way, each) <= _CLEAR_M for each in things)
+
+    def _elsewhere(self, source: NodeId) -> "_Elsewhere":
+        """Return the images of other stretches that a line from a node may pass."""
+        if source not in self._near:
+            (number,), _ = self._gate.placed(self._gate.rows([source]))
+            images = np.flatnonzero(self._stretch_of != number)
+            poses, driven_m = self._gate.seen_from(source, self._rows[images])
+            near = np.hypot(poses[:, 0], poses[:, 1]) < LONGEST_M + RANGE_M
+            self._near[source] = _Elsewhere(images[near], poses[near], driven_m[near])
+        return self._near[source]
 
     def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
         """Return what N images of one stretch at poses (N, 3) show."""
@@ -114,6 +133,17 @@ class FreeFloor:
         place = np.clip(self._any_scan.bins(bearing), 1, self._ranges_m.shape[1] - 2)
         beside = np.stack([self._ranges_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
         return (inside & reach_past(beside, away_m + FREE_BEYOND_M)) | (away_m < _STOOD_M)
+
+
+class _Elsewhere(NamedTuple):
+    """K images of other stretches than that of a node."""
+
+    images: NDArray[np.intp]
+    """(K,) numbers of the images."""
+    poses: Pose
+    """(K, 3) poses in the frame of the node."""
+    driven_m: NDArray[np.float64]
+    """(K,) lengths of the odometry paths to them; infinite if the pose is unknown."""
 
 
 class _Stretch(NamedTuple):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.cameras.depth_points import obstacle_points, transform_points
+from ltvn_core.cameras.depth_points import cell_keys, obstacle_points, transform_points
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import agree, compose, distance, invert, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, PresenceObserved
@@ -26,12 +26,12 @@ from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import OperatorThresholds, connectable
-from ltvn_core.graph.presence.obstruction import Obstruction, distances_to_way, edges_obstructed, nearby_poses
+from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed, nearby_poses
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.drive_alignment import drive_movements, moved_graph, moved_keyframes
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.map_coverage import evenly
-from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
 _FEW_RECOGNISED = 0.1
 """Share of recognised images below which a drive is joined to the map by too little."""
@@ -57,6 +57,7 @@ _DRIFT = (0.8, 0.6)
 """Largest error of odometry over `_DRIVEN_ON` together with that of a waypoint, in m and rad."""
 _LEAST_LOOKS = 2
 """Least number of images that must agree that an edge is blocked."""
+_NO_LENGTH = 1e-9
 _ON_WAY_M = 0.25
 """Distance from the middle of an edge within which a robot drove along it, in metres."""
 
@@ -322,7 +323,15 @@ class _Contradictions:
         """Return the edges between earlier nodes whose middle the robot passed."""
         poses = nearby_poses(self.graph, place.node)
         near = [(node, target) for node in poses for target in self.graph.successors(node) if max(node, target) < first]
-        return {key for key in near if _is_on_way(place.pose, poses[key[0]], np.array(self.graph.edges[key].waypoint))}
+        if not near:
+            return set()
+        starts = np.array([poses[source] for source, _ in near])
+        ends = compose(starts, np.array([self.graph.edges[key].waypoint for key in near]))
+        ways = ends[:, :2] - starts[:, :2]
+        # The middle of a way is from 0.3 to 0.7 of it.
+        along = ((place.pose[:2] - starts[:, :2]) * ways).sum(axis=1) / np.maximum((ways**2).sum(axis=1), _NO_LENGTH)
+        beside = starts[:, :2] + np.clip(along, 0.3, 0.7)[:, None] * ways - place.pose[:2]
+        return {key for key, is_on in zip(near, np.hypot(*beside.T) < _ON_WAY_M, strict=True) if is_on}
 
 
 def _report(graph: TopologicalGraph, drive: JoinedDrive, comparison: _Comparison | None) -> DriveReport:
@@ -357,12 +366,6 @@ def _driven_on(place: _Place, seen: Observation, now: Observation) -> _Place | N
     return _Place(place.node, compose(place.pose, driven)) if distance(driven) < _DRIVEN_ON else None
 
 
-def _is_on_way(robot: Pose, start: Pose, waypoint: Waypoint) -> bool:
-    end = compose(start, waypoint)
-    middle = [start[:2] + share * (end[:2] - start[:2]) for share in (0.3, 0.7)]
-    return bool(distances_to_way(robot[None, :2], middle[0], middle[1])[0] < _ON_WAY_M)
-
-
 def _spread(observations: Sequence[Observation]) -> list[Observation]:
     """Return images that are apart from each other by at least `_ASK_EVERY`."""
     kept: list[Observation] = []
@@ -373,5 +376,5 @@ def _spread(observations: Sequence[Observation]) -> list[Observation]:
 
 
 def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    _, kept = np.unique(np.round(points / _GRID_M), axis=0, return_index=True)
+    _, kept = np.unique(cell_keys(np.round(points / _GRID_M).astype(np.int64)), return_index=True)
     return points[kept]

@@ -172,7 +172,7 @@ class FailureQuestion(Question[ShowFailures]):
 def _row(context: DebugContext, failure: FailedQuery, *, is_later: bool = False) -> tuple[Inline, ...]:
     node = "–" if failure.node is None else Link(str(failure.node), PointAt(failure.node))
     judged = failure.query.judged
-    is_wrong = failure.failure_mode is FailureMode.WRONG_ARRIVAL and judged is not None
+    is_wrong = failure.failure_mode is FailureMode.WRONG_ARRIVAL
     missed = f", {judged.position_error_m:.2f} m off" if is_wrong and judged is not None else ""
     cause = Hint(f"{failure.failure_mode}{missed}", "" if is_later else failure.text)
     return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node

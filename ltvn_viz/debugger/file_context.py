@@ -24,6 +24,7 @@ from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.session.activities.playback import Playback, ReplayMethod, read_replay
 from ltvn_viz.session.backend import AbsentPredictor, predictor_for
+from ltvn_viz.session.inspection import QuestionAnswer
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailable
 from ltvn_viz.session.saved_files import SavedFile, SavedFiles
@@ -105,6 +106,14 @@ class JobsAtOnce:
             otherwise()
             raise
         then(result)
+
+    def complete(self, ask: Callable[[], QuestionAnswer]) -> QuestionAnswer:
+        """Ask again and again, until no part of the answer is pending or no job is left to run."""
+        answer, before = ask(), -1
+        while answer.is_pending and self.done != before:
+            before = self.done
+            answer = ask()
+        return answer
 
 
 class _FolderAndPaths(RecordingLibrary):

@@ -149,16 +149,12 @@ def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) ->
 
 
 def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jobs: JobsAtOnce) -> Answer:
-    """Repeat the question until no part of its answer is pending; say what could be typed if nothing was."""
-    found = question.answer(context, asked.selection)
+    """Return the complete answer to a question; say what could be typed if nothing was."""
     if asked.text:
+        question.answer(context, asked.selection)  # A question takes a text once it was asked.
         if question.handle_text(context, asked.text) is not None:
             raise OptionError(f"{asked.text!r:.60} would change a live map; files are only read.")
-        found = question.answer(context, asked.selection)
-    before = -1
-    while found.is_pending and jobs.done != before:
-        before = jobs.done
-        found = question.answer(context, asked.selection)
+    found = jobs.complete(lambda: question.answer(context, asked.selection))
     if found.input_hint and not asked.about:
         return Answer((*found.answer.blocks, Paragraph((f"--text takes: {found.input_hint}",))))
     return found.answer

@@ -1,5 +1,6 @@
 """The check of a question of another package: it is asked about the demo recording."""
 
+from functools import partial
 from importlib.metadata import EntryPoint
 from typing import Any, Protocol
 
@@ -41,10 +42,6 @@ def ask_about_demo(make: Any, step: Steps) -> None:
         ("about an edge", Selection(edge=edge)),
     ):
         step(f"answers {about} of the demo recording")
-        before = -1
-        answer = question.sound_answer(context, selection)
-        while answer.is_pending and jobs.done != before:
-            before = jobs.done
-            answer = question.sound_answer(context, selection)
+        answer = jobs.complete(partial(question.sound_answer, context, selection))
         assert not answer.is_pending, "its answer is never complete"
         assert answer.answer.blocks, "its answer is empty"

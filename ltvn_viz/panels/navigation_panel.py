@@ -84,8 +84,9 @@ class NavigationPanel:
         label = FIND_UPLOAD if snapshot.mode is Mode.REPLAY else GO_TO_UPLOAD
         if self._upload.label != label:
             self._upload.label = label
-        if self._upload.disabled != (snapshot.mode not in NavigateToImage.modes):
-            self._upload.disabled = not self._upload.disabled
+        is_closed = snapshot.mode not in NavigateToImage.modes
+        if self._upload.disabled != is_closed:
+            self._upload.disabled = is_closed
         self.task.show(_task(snapshot))
         self.state.show(_state(snapshot))
         self.way.show(self._way(snapshot.way))

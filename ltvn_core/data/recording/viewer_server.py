@@ -226,9 +226,6 @@ class RecordingContents(NamedTuple):
     """Last step of the recording; None if it is unknown."""
 
 
-_PLURALS = {"query": "queries"}
-
-
 def contents_of(path: Path) -> RecordingContents:
     """Read the description of a recording; only its file name if it is damaged or of another program."""
     try:
@@ -238,12 +235,12 @@ def contents_of(path: Path) -> RecordingContents:
     graph = recording.final_graph()
     events = recording.events
     counts = {
-        "image": len(recording.frames),
-        "node": len(graph.nodes),
-        "edge": len(graph.edges),
-        "query": sum(isinstance(stamped.event, QueryEnded) for stamped in events),
+        ("image", "images"): len(recording.frames),
+        ("node", "nodes"): len(graph.nodes),
+        ("edge", "edges"): len(graph.edges),
+        ("query", "queries"): sum(isinstance(stamped.event, QueryEnded) for stamped in events),
     }
-    held = ", ".join(count_text(count, thing, _PLURALS.get(thing, "")) for thing, count in counts.items() if count)
+    held = ", ".join(count_text(count, *names) for names, count in counts.items() if count)
     steps = [*recording.poses.steps[-1:].tolist(), *(stamped.step for stamped in events[-1:])]
     return RecordingContents(f"{path.name}: {held or 'nothing'}", max(steps, default=None))
 

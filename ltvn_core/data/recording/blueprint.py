@@ -11,6 +11,7 @@ from rerun.blueprint.archetypes import TextLogColumns
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.drawn_poses import FloorExtent
 from ltvn_core.data.recording.event_drawing import length_entity, probability_entity
+from ltvn_core.data.recording.stream_lock import STREAM_LOCK
 from ltvn_core.graph.topological_graph import EdgeKey
 
 _SINCE_THE_BEGINNING = rrb.VisibleTimeRanges(
@@ -56,7 +57,8 @@ class _Blueprint(rrb.Blueprint):
 def send_layout(stream: rr.RecordingStream, layout: Layout) -> None:
     """Set the layout in which a recording opens."""
     sent = _blueprint(layout)
-    stream.send_blueprint(sent)
+    with STREAM_LOCK:  # Rerun logs a blueprint to a stream of its own first.
+        stream.send_blueprint(sent)
     if sent.stream is not None:
         sent.stream.disconnect()
 

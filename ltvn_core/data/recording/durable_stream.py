@@ -29,6 +29,7 @@ from ltvn_core.data.recording.rrf2.chunk_table import ChunkTable
 from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
 from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, END_KIND, HEADER_BYTES, MESSAGE_HEADER
 from ltvn_core.data.recording.schema import RowTime
+from ltvn_core.data.recording.stream_lock import STREAM_LOCK
 from ltvn_core.errors import RecordingError
 
 _INTERRUPTS = tuple(
@@ -174,12 +175,13 @@ class DurableStream:
         except BaseException:
             self._close_live()
             raise
-        # Rerun keeps the threads and buffers of a finished recording until they are released explicitly.
-        with suppress(RuntimeError):  # In a forked process, those of its parent cannot be released.
-            rerun_bindings.flush_and_cleanup_orphaned_recordings()
-        self._rerun = rr.RecordingStream(
-            schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
-        )
+        with STREAM_LOCK:
+            # Rerun keeps the threads and buffers of a finished recording until they are released explicitly.
+            with suppress(RuntimeError):  # In a forked process, those of its parent cannot be released.
+                rerun_bindings.flush_and_cleanup_orphaned_recordings()
+            self._rerun = rr.RecordingStream(
+                schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
+            )
         self._messages = MessageStream(self._rerun, self._ending.chunks)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)

@@ -13,6 +13,7 @@ from rerun.chunk import Chunk
 
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.rrf2.framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
+from ltvn_core.data.recording.stream_lock import STREAM_LOCK
 from ltvn_core.protobuf_fields import bytes_fields
 
 _KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantically_empty"
@@ -43,7 +44,8 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
     if len(schemas) == 1:
         return schemas[0]
     chunks = _examples([field for each in schemas for field in pa.ipc.read_schema(pa.py_buffer(each.encoded))])
-    rerun = rr.RecordingStream(schema.APPLICATION_ID)
+    with STREAM_LOCK:
+        rerun = rr.RecordingStream(schema.APPLICATION_ID)
     stream = rerun.binary_stream()
     rerun.send_chunks(chunks)
     block = stream.read(flush=True, flush_timeout_sec=_TIMEOUT_S)

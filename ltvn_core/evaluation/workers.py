@@ -1,4 +1,4 @@
-"""Workers of an evaluation: the cores of this machine, or a Ray or Dask cluster, through joblib.
+"""Workers of an evaluation: the cores of this machine, or a Dask cluster, through joblib.
 
 Jobs share only files, so on a cluster the folder of the evaluation must have the same path on all machines. A worker
 with another version, with other weights or without that folder refuses its job. Without a cluster engine, the command
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 from uuid import uuid4
@@ -72,8 +71,6 @@ Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
 
 _WORKERS_START_S = 300.0
 """Time to wait for the start of workers, in seconds; long, because the machine may be busy."""
-_JOBS_PER_WORKER = 2
-"""Number of jobs per worker that Ray gets at once, because joblib cannot stream results from it."""
 
 
 @contextmanager
@@ -82,7 +79,7 @@ def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterato
 
     Args:
         processes: Number of processes on this machine; None uses all cores.
-        cluster: A cluster instead: `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N` (N workers of Dask).
+        cluster: A Dask cluster instead: `tcp://HOST:PORT`, or `local:N` for N workers on this machine.
         folder: Folder of the jobs' files.
 
     Raises:
@@ -106,21 +103,8 @@ def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterato
 
 @contextmanager
 def _on_cluster(address: str) -> Iterator[Workers]:
-    scheme = address.partition("://")[0]
-    if scheme == "ray":
-        with _on_ray(address) as parallel:
-            yield parallel
-    elif scheme in ("tcp", "tls") or re.fullmatch(r"local:[1-9]\d{0,3}", address):
-        with _on_dask(address) as parallel:
-            yield parallel
-    else:
-        raise OptionError(
-            f"--cluster must be ray://HOST:PORT, tcp://HOST:PORT (Dask), or local:N for N workers, got {address!r}."
-        )
-
-
-@contextmanager
-def _on_dask(address: str) -> Iterator[Workers]:
+    if not re.fullmatch(r"(tcp|tls)://.+|local:[1-9]\d{0,3}", address):
+        raise OptionError(f"--cluster must be tcp://HOST:PORT, or local:N for N workers, got {address!r}.")
     with _needs("distributed", address):
         dask: Any = import_module("dask.distributed")  # The type hints of dask describe its asynchronous interface.
 
@@ -134,38 +118,6 @@ def _on_dask(address: str) -> Iterator[Workers]:
             stack.enter_context(dask.Client(address))
         stack.enter_context(parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS_START_S))
         yield stack.enter_context(Parallel(return_as="generator_unordered"))
-
-
-@contextmanager
-def _on_ray(address: str) -> Iterator[Workers]:
-    with _needs("ray[client]", address):
-        ray: Any = import_module("ray")
-        register_ray = import_module("ray.util.joblib").register_ray
-
-    with _refusing(address, ConnectionError):
-        _connect(ray, address)
-    try:
-        register_ray()
-        count = max(1, int(ray.cluster_resources().get("CPU", 1)))
-        with parallel_config(backend="ray"), Parallel(n_jobs=count) as parallel:
-            yield lambda jobs: _by_batches(parallel, jobs, _JOBS_PER_WORKER * count)
-    finally:
-        ray.shutdown()
-
-
-def _connect(ray: Any, address: str) -> None:
-    """Connect, and try once more if Ray's client process dies at its start, because gRPC may abort it."""
-    try:
-        ray.init(address)
-    except ConnectionAbortedError:
-        ray.shutdown()
-        ray.init(address)
-
-
-def _by_batches(parallel: Parallel, jobs: Iterable[Any], size: int) -> Iterator[Any]:
-    waiting = iter(jobs)
-    while some := list(islice(waiting, size)):
-        yield from parallel(some) or ()
 
 
 @contextmanager

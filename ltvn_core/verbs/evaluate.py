@@ -53,8 +53,8 @@ class ProtocolOptions(Verb):
     processes: int | None = None
     """Number of processes; by default one per core."""
     cluster: str | None = None
-    """Run on a cluster instead: ray://HOST:PORT, tcp://HOST:PORT (a running Dask cluster), or local:N, which starts N
-    Dask workers on this machine. All machines must have access to the folder."""
+    """Run on a Dask cluster instead: tcp://HOST:PORT of a running one, or local:N, which starts N workers on this
+    machine. All machines must have access to the folder."""
     part: str = ""
     """Only a share of the work, for arrays of independent jobs; 3/16 is the third of sixteen. When all parts have run,
     in one folder or copied into one, run the command without this option to sum up."""

@@ -92,7 +92,7 @@ IMPORTS: dict[str, tuple[str, ...]] = {
     "place": ("from ltvn_core.predictors.opening import open_predictor; open_predictor('composed')",),
     "train": ("import ltvn_core.network.training_data.shards, ltvn_core.network.optimization.trainer, tensorboard",),
     "ros": ("import ltvn_core.robots.ros2, zenoh, rosbags",),
-    "cluster": ("import distributed, ray",),
+    "cluster": ("import distributed",),
     "agent": ("import mcp, ltvn_viz.agent.server",),
     "docs": ("import ltvn_core.evaluation.reports.evaluation_page, jinja2, matplotlib, mkdocs, mkdocstrings",),
 }

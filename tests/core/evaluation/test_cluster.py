@@ -1,4 +1,4 @@
-"""The numbers of an evaluation are the same however its work is shared: parts, Dask, Ray, and a worker that dies."""
+"""The numbers of an evaluation are the same however its work is shared: parts, Dask, and a worker that dies."""
 
 import os
 import signal
@@ -127,18 +127,6 @@ def test_a_local_cluster_is_started_and_stopped(house: Path, alone: list[TrialRe
     assert episodes(run(house, tmp_path, cluster="local:2")) == episodes(alone)
 
 
-def test_a_ray_cluster_comes_to_the_same_numbers(house: Path, alone: list[TrialResult], tmp_path: Path) -> None:
-    pytest.importorskip("ray")
-    port, client = free_port(), free_port()
-    command = (sys.executable, "-m", "ray.scripts.scripts", "start", "--head", "--block", "--num-cpus", "2")
-    ports = ("--port", str(port), "--ray-client-server-port", str(client), "--include-dashboard", "false")
-    with program(*command, *ports) as ray:
-        until(lambda: answers(client) or ray.poll() is not None)
-        if ray.poll() is not None:
-            pytest.skip("Ray itself did not start on this machine.")
-        assert episodes(run(house, tmp_path, cluster=f"ray://127.0.0.1:{client}")) == episodes(alone)
-
-
 def test_a_worker_that_is_not_like_this_machine_is_refused(
     house: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,5 +137,5 @@ def test_a_worker_that_is_not_like_this_machine_is_refused(
 
 
 def test_addresses_that_no_cluster_has_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match="ray://HOST:PORT"), workers(None, "slurm://x", tmp_path):
+    with pytest.raises(OptionError, match="tcp://HOST:PORT"), workers(None, "slurm://x", tmp_path):
         pass

@@ -63,13 +63,12 @@ _ENDS = {
 }
 """Rule for each way in which an attempt can end."""
 _OUTCOMES = {
-    e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability"),
     e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
     e.Outcome.LOST: ("recovering.give_up_after_looks",),
     e.Outcome.STEP_LIMIT: ("recovering.step_limit",),
     e.Outcome.COLLISION_LIMIT: ("recovering.collision_limit",),
 }
-"""Rules for each outcome of a query."""
+"""Rules for each outcome of a query but an arrival, whose event names its rule."""
 _CAUSES = {
     Cause.NOVEL: ("expanding.novel_after_looks", "expanding.connect_factor"),
     Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
@@ -139,12 +138,18 @@ def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
             return {"recovering.turn_rad": None, "recovering.looks_per_turn": None} if is_lost else None
         case e.GraphChanged(delta):
             return _map_rules(delta)
-        case e.QueryEnded(outcome=outcome):
-            return dict.fromkeys(_OUTCOMES.get(outcome, ()))
+        case e.QueryEnded():
+            return _ending_rules(event)
         case e.Note(rule=rule):
             return {rule: None} if rule else None
         case _:
             return None
+
+
+def _ending_rules(event: e.QueryEnded) -> dict[str, float | None]:
+    if event.rule == e.BY_IMAGE:
+        return {"judging.arrive_distance": event.distance, e.BY_IMAGE: event.reachability}
+    return dict.fromkeys([event.rule] if event.rule else _OUTCOMES.get(event.outcome, ()))
 
 
 def _localising_rules(event: e.Localised) -> dict[str, float | None]:

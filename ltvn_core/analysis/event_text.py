@@ -19,6 +19,8 @@ from ltvn_core.worlds import change_text
 
 _MAX_NODES = 8
 """Number of nodes above which a path is described by its first and last nodes."""
+_ARRIVED_BY = {e.BY_IMAGE: " by its image", e.BY_PLACE: " by the images around", e.BY_WAYPOINT: " by its waypoint"}
+"""Rule of an arrival -> what showed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,8 @@ def describe_event(event: e.Event) -> EventDescription:
             return describe_delta(delta)
         case e.QueryEnded(query, _, outcome, steps, collisions, path_m):
             driven = f"{count_text(steps, 'step')}, {path_m:.1f} m, {count_text(collisions, 'collision')}"
-            return EventDescription(f"query {query} ended: {outcome} after {driven}")
+            why = _ARRIVED_BY.get(event.rule, "")
+            return EventDescription(f"query {query} ended: {outcome}{why} after {driven}")
         case e.Judged(query, reached, position_m, yaw_rad):
             verdict, severity = ("reached", e.Severity.INFO) if reached else ("missed", e.Severity.ERROR)
             text = f"query {query} judged: goal {verdict}, {position_m:.2f} m and {yaw_rad:.2f} rad away"

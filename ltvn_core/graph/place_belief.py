@@ -65,6 +65,11 @@ class BelievedPlace(NamedTuple):
     is_recognised: bool
     """Whether the last image shows a node where this place expects it; false where the world has changed."""
 
+    @property
+    def expects_image(self) -> bool:
+        """Whether a node is so near that an image taken here should show it."""
+        return bool(self.nodes) and bool(_apart(next(iter(self.nodes.values()))) < _OVERLAP_M)
+
     def rules_out(self, node: NodeId, waypoint: Waypoint, probability: float) -> bool:
         """Tell whether this place, if it is more probable than `probability`, contradicts that a node is at a waypoint
         (3,)."""

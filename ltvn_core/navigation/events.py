@@ -66,6 +66,15 @@ class Outcome(StrEnum):
     CANCELLED = "cancelled"
 
 
+BY_IMAGE, BY_PLACE, BY_WAYPOINT = (
+    "judging.arrive_reachability",
+    "localising.follow_places",
+    "driving.position_tolerance_m",
+)
+"""Names in `config` of the rules by which a robot arrives: the image shows the goal; the images in all directions show
+its place; nothing is left to drive, for systems that localise by single images."""
+
+
 @dataclass(frozen=True, slots=True)
 class StateChanged:
     """The navigator changed its state."""
@@ -208,6 +217,13 @@ class QueryEnded:
     collisions: int
     path_m: float
     """Driven length by odometry, in metres."""
+    rule: str = ""
+    """Name in `config` of the rule by which the robot arrived, such as `BY_IMAGE`; empty without an arrival and in
+    older recordings."""
+    reachability: float | None = None
+    """r of the goal in the last image; None without an arrival and in older recordings."""
+    distance: float | None = None
+    """d of the goal by the image or by the place belief, whichever decided; None as above."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Verdicts with their reasons: whether an attempt succeeded, and whether the robot is at the goal.
+"""Verdicts about attempts, with their reasons.
 
 The network that created a false edge also accepts the end of it. The robust method therefore needs independent
 evidence: the place belief, which uses all images on the way. Owns the rules.
@@ -6,33 +6,14 @@ evidence: the place belief, which uses all images on the way. Owns the rules.
 
 from typing import NamedTuple
 
-from ltvn_core.config import JudgingConfig, Method
+from ltvn_core.config import Method
 from ltvn_core.geometry import distance
-from ltvn_core.navigation.events import Note, Severity
-from ltvn_core.navigation.motion import EventGenerator
-from ltvn_core.navigation.query import Query
+from ltvn_core.navigation.events import BY_PLACE
 from ltvn_core.types import Waypoint
 
 _SUCCESS_DISTANCE, _SUCCESS_REACHABILITY = "judging.success_distance", "judging.success_reachability"
-BY_PLACE = "localising.follow_places"
-"""Name of the rule that decides by the place belief."""
 _AT_TARGET_DISTANCE = 0.3
 """Distance d below which the robot is at the target."""
-
-
-def check_goal(query: Query) -> EventGenerator[bool]:
-    """Tell whether the robot is at the goal: its image and its neighbours in time match, and the place belief allows
-    it."""
-    seen = query.perception.node_match(query.goal)
-    if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
-        return False
-    if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
-        return False
-    if query.may_be_at(query.goal, seen.waypoint):
-        return True
-    text = "The place looks like the goal, but the images of the whole query do not say so."
-    yield Note(text, Severity.WARN, rule=BY_PLACE)
-    return False
 
 
 class AttemptVerdict(NamedTuple):
@@ -80,8 +61,3 @@ def judge_attempt(
         return AttemptVerdict(False, "driven too often in this query", hindered=True, rule="planning.repeat_limit")
     why = f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}"
     return AttemptVerdict(True, why, rule=_SUCCESS_DISTANCE)
-
-
-def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
-    """Tell whether the goal at `waypoint` (3,) is reached, by the current image alone."""
-    return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)

@@ -7,6 +7,7 @@ control step of 0.1 s pass.
 
 from collections.abc import Callable, Generator
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,9 +19,18 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.action_performer import ActionPerformer
+from ltvn_core.navigation.arrival import Arrival
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
+from ltvn_core.navigation.events import (
+    Event,
+    NavigatorState,
+    Outcome,
+    QueryEnded,
+    QueryStarted,
+    StateChanged,
+    Tick,
+)
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.query import Query
@@ -112,13 +122,16 @@ class Navigator:
         perception = Perception(motion, self._context.predictor, self._context.matcher)
         try:
             yield QueryStarted(query, goal)
+            arrival: Arrival | None = None
             try:
-                outcome = yield from QueryRunner(Query(self._context, motion, perception, goal, query)).run()
+                arrival = yield from QueryRunner(Query(self._context, motion, perception, goal, query)).run()
+                outcome = Outcome.ARRIVED
             except QueryAborted as over:
                 outcome = over.outcome
             motion.stop()
             yield StateChanged(NavigatorState.IDLE)
-            yield QueryEnded(query, goal, outcome, motion.steps, motion.collisions, motion.path_m)
+            ended = QueryEnded(query, goal, outcome, motion.steps, motion.collisions, motion.path_m)
+            yield ended if arrival is None else replace(ended, **arrival._asdict())
         finally:
             motion.stop()
             self._motion = None

@@ -6,9 +6,11 @@ Owns this state, and what of it ends when the robot is carried. The loop itself 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.graph.place_belief import LIKELY, BelievedPlace
+from ltvn_core.graph.place_belief import SURE, BelievedPlace
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
@@ -18,6 +20,9 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.place_tracker import PlaceTracker
 from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.types import NodeId, Pose, Waypoint
+
+_SURVEYED_M = 1.5
+"""Distance from a turn on the spot within which what it showed still counts, in metres."""
 
 
 class Departure(NamedTuple):
@@ -30,6 +35,15 @@ class Departure(NamedTuple):
     """(3,) pose of the robot in the odometry frame."""
     needed_share: float
     """Least share of the surroundings that the map must know."""
+
+
+class Survey(NamedTuple):
+    """A turn on the spot to see what is around."""
+
+    odometry: Pose
+    """(3,) pose of the robot in the odometry frame."""
+    is_confirmed: bool
+    """Whether the images in all directions showed the believed place."""
 
 
 class Query:
@@ -55,6 +69,7 @@ class Query:
         )
         self.places = self.perception.places = PlaceTracker(context.graph, context.matcher, context.system)
         self.departure: Departure | None = None
+        self.survey: Survey | None = None
 
     @property
     def method(self) -> Method:
@@ -85,15 +100,31 @@ class Query:
         place = self.place()
         return {} if place is None or place.probability <= probability else place.nodes
 
-    def may_be_at(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether a node is probably at a waypoint (3,) by all images of the query; True without a place
-        belief."""
-        p = self.places.probability_at(self.motion.odometry, node, waypoint)
-        return p is None or p > LIKELY
+    def look(self) -> BelievedPlace | None:
+        """Update the place belief with the current image, and return the most probable place; None without any."""
+        self.places.observe(self.motion.odometry, self.perception.features)
+        return self.place()
+
+    @property
+    def is_surveyed(self) -> bool:
+        """Whether the robot has turned round near here, to see what is around."""
+        survey = self.survey
+        return survey is not None and np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M
+
+    def surveyed_waypoint(self, node: NodeId) -> Waypoint | None:
+        """Return the waypoint (3,) of a node from here, if the images in all directions confirmed the sure place."""
+        is_confirmed = self.survey is not None and self.survey.is_confirmed and self.is_surveyed
+        return self.known_waypoint(node, SURE) if is_confirmed else None
 
     def is_recognised(self, reachability: float) -> bool:
         """Tell whether a node with this r is recognised."""
         return reachability > self.method.localising.reachability
+
+    def begin_anew(self) -> None:
+        """Forget the place, which was probably wrong, and trust all nodes and edges again."""
+        self.places.forget()
+        self.survey = None
+        self.memory.begin_anew(self.motion.path_m)
 
     def never_closed(self, edge: EdgeKey) -> bool:
         """Tell whether an edge is a short one to the goal, which obstacles beside the goal may only seem to close."""

@@ -46,8 +46,12 @@ class QueryMemory:
         """Outcome if the query is given up; `NO_PATH` takes precedence over `LOST`."""
         self.approached: NodeId | None = None
         """The node that the robot last approached before driving to its successor."""
-        self.doubtful_arrivals = 0
-        """Number of times that the robot stood where the goal seems to be, without being sure of it."""
+        self.first_looks = 0
+        """Number of turns since the place was forgotten, because the robot could be at several places."""
+        self.began_at_m = 0.0
+        """Distance driven when the place was forgotten, in metres."""
+        self.surveys = 0
+        """Number of turns on the spot to see whether the goal is here."""
         self.obstructions = 0
         """Number of obstructions met so far."""
         self._fresh_hopes = 0
@@ -105,8 +109,13 @@ class QueryMemory:
         if 0 < self._patience <= self._failed_from[node]:
             self.doubted.add(node)
 
-    def begin_anew(self) -> None:
-        """Trust all nodes again and, a few times per query, allow closed edges again; the penalties are kept."""
+    def begin_anew(self, driven_m: float) -> None:
+        """Trust all nodes again and, a few times per query, allow closed edges again; the penalties are kept.
+
+        `driven_m` is the distance driven so far, in metres.
+        """
+        self.first_looks = 0
+        self.began_at_m = driven_m
         self._fresh_hopes += 1
         if self._fresh_hopes <= _MOST_FRESH_HOPES:
             self.obstructions = 0

@@ -15,8 +15,10 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.action_runner import run_action
+from ltvn_core.navigation.arrival import AT_TARGET_M, Arrival, check_goal, check_place
 from ltvn_core.navigation.attempt_driver import AttemptResult
 from ltvn_core.navigation.events import (
+    BY_PLACE,
     OBSTRUCTED_ENDS,
     AttemptEnd,
     AttemptEnded,
@@ -28,7 +30,7 @@ from ltvn_core.navigation.events import (
     Planned,
     StateChanged,
 )
-from ltvn_core.navigation.judgement import BY_PLACE, AttemptVerdict, check_goal, judge_attempt
+from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
 from ltvn_core.navigation.map_learner import learn_from_attempt, look_for_obstacles
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.obstruction_finder import departure
@@ -40,10 +42,10 @@ from ltvn_core.types import NodeId, Waypoint
 
 _AT_NODE_DISTANCE = 0.3
 """Greatest d at which a node is not approached before its successor."""
+_AT_START_M = 0.1
+"""Driven distance up to which the robot is where it began to localise, in metres."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
 """Ends of attempts that say something about the surroundings, not about the edge."""
-_AT_TARGET_M = 0.35
-"""Distance within which the robot is at the target of an attempt, in metres."""
 
 
 class QueryRunner:
@@ -59,11 +61,15 @@ class QueryRunner:
         self._reached: NodeId | None = None
         self._state = NavigatorState.IDLE
 
-    def run(self) -> EventGenerator[Outcome]:
-        """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
+    def run(self) -> EventGenerator[Arrival]:
+        """Localise, plan, drive, judge, update, until the goal is reached; return how the robot knows.
+
+        Raises:
+            QueryAborted: The query was given up, or a person cancelled it.
+        """
         while True:
-            if (yield from self._perception.can_compare()) and (yield from check_goal(self._query)):
-                return Outcome.ARRIVED
+            if (yield from self._perception.can_compare()) and (arrival := (yield from check_goal(self._query))):
+                return arrival
             if not self._perception.is_usable:
                 yield from self._enter(NavigatorState.RECOVERING)
                 yield from turn_to_see(self._query)
@@ -77,11 +83,22 @@ class QueryRunner:
                 yield from self._recover(Outcome.NO_PATH)
                 continue
             self._memory.consecutive_failures = 0
+            if self._looks_first():
+                yield from turn(self._query)
+                continue
             driven = self._until_action(path)
             if len(driven.nodes) == 1 < len(path.nodes) and self._stands_at_node(localisation):
                 yield from self._act(path.nodes[0], path.nodes[1])
-            elif (yield from self._follow(localisation, driven)):
-                return Outcome.ARRIVED
+            elif arrival := (yield from self._follow(localisation, driven)):
+                return arrival
+
+    def _looks_first(self) -> bool:
+        """Tell whether to turn before driving off, because the first images show several places."""
+        p = self._query.place_p()
+        if p is None or p > LIKELY or self._motion.path_m - self._memory.began_at_m > _AT_START_M:
+            return False
+        self._memory.first_looks += 1
+        return self._memory.first_looks <= self._query.method.recovering.looks_per_turn
 
     def _localise(self) -> EventGenerator[Localisation]:
         """Find the node the robot is at."""
@@ -142,7 +159,7 @@ class QueryRunner:
         """Tell whether the robot is close enough to its node to need no approach."""
         node = localisation.node
         known = None if node is None else self._query.known_waypoint(node, SURE)
-        is_there = known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M
+        is_there = known is not None and np.hypot(known[0], known[1]) < AT_TARGET_M
         return is_there or localisation.distance <= _AT_NODE_DISTANCE or self._reached == node
 
     def _act(self, source: NodeId, target: NodeId) -> EventGenerator[None]:
@@ -158,8 +175,8 @@ class QueryRunner:
             self._query.forget_odometry()
             self._query.places.begin_at(target, self._motion.odometry)
 
-    def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
-        """Drive to the subgoal; tell whether the robot already is at the goal, so that nothing is left to drive."""
+    def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[Arrival | None]:
+        """Drive to the subgoal; return the arrival if nothing is left to drive because the robot is at the goal."""
         segment = self._subgoal_segment(path)
         node_match = self._departure(localisation, segment)
         if node_match is None:
@@ -170,34 +187,21 @@ class QueryRunner:
         self._query.departure = departure(self._query, localisation)
         if (yield from look_for_obstacles(self._query, path)):
             yield from self._motion.wait_one_step()
-            return False
+            return None
         result = yield from self._drive(segment, node_match)
         self._reached = target if source is None and result.end is AttemptEnd.REACHED else None
         if result.steps:
-            return False
+            return None
         yield from self._motion.wait_one_step()
         if result.end is AttemptEnd.BLOCKED:
             # The same attempt would be blocked again, so the robot turns to look for another way.
             yield from turn(self._query)
-            return False
-        # An attempt without a step would be repeated without end, so the robot counts as arrived.
+            return None
+        if source is None and target == self._query.goal:
+            return (yield from check_place(self._query))
+        # An attempt without a step would be repeated without end, so the robot counts as being there.
         self._memory.assumed_node = target
-        if source is not None or target != self._query.goal:
-            return False
-        self._memory.doubtful_arrivals += 1
-        if self._may_be_at_goal() or self._memory.doubtful_arrivals > self._query.method.recovering.looks_per_turn:
-            return True
-        self._memory.assumed_node = None
-        yield from turn(self._query)
-        return False
-
-    def _may_be_at_goal(self) -> bool:
-        """Tell whether the robot is probably at the goal, by the place belief alone or by the image and the belief."""
-        goal = self._query.goal
-        known = self._query.known_waypoint(goal, LIKELY)
-        if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
-            return True
-        return self._query.may_be_at(goal, self._perception.node_match(goal).waypoint)
+        return None
 
     def _subgoal_segment(self, path: GraphPath) -> tuple[NodeId, ...]:
         """Return the path up to the subgoal; only the goal if the robot is already there."""
@@ -212,6 +216,8 @@ class QueryRunner:
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
         driving = self._query.method.driving
+        if source is None and (surveyed := self._query.surveyed_waypoint(target)) is not None:
+            return node_match.with_waypoint(surveyed)
         if source is None and self._query.is_recognised(node_match.reachability):
             return node_match
         known = self._query.known_waypoint(target, LIKELY)
@@ -243,8 +249,11 @@ class QueryRunner:
             self._query.number, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
         )
         try:
-            is_known = self._is_by_odometry(segment) or (
-                source is not None and self._query.known_waypoint(target, LIKELY) is not None
+            by_place = self._query.known_waypoint(target, LIKELY) if source is not None else None
+            is_known = (
+                self._is_by_odometry(segment)
+                or by_place is not None
+                or (source is None and self._query.surveyed_waypoint(target) is not None)
             )
             result = yield from self._query.driver.drive(
                 target, node_match.waypoint, is_known=is_known, around=self._query.nodes_around(LIKELY)
@@ -291,7 +300,7 @@ class QueryRunner:
         )
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
         known = self._query.known_waypoint(target, SURE) if is_unsure and source is not None else None
-        if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
+        if known is not None and np.hypot(known[0], known[1]) < AT_TARGET_M:
             if not self._query.is_recognised(seen.reachability):
                 self._memory.assumed_node = target  # The image does not show the target, only the belief does.
             why = "the images of the whole query say that the robot is there"

@@ -28,8 +28,7 @@ def recover(query: Query, why: Outcome) -> EventGenerator[None]:
     around = memory.consecutive_failures % config.looks_per_turn == 0
     if around:
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
-        query.places.forget()
-        memory.begin_anew()
+        query.begin_anew()
     if config.wander_m and around and usable:
         yield from query.driver.wander(config.wander_m)
     yield from turn(query)

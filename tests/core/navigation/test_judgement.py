@@ -5,7 +5,8 @@ from operator import attrgetter
 import numpy as np
 
 from ltvn_core.config import PAPER, ROBUST, Method
-from ltvn_core.navigation.judgement import is_at_goal, judge_attempt
+from ltvn_core.navigation.arrival import is_at_goal
+from ltvn_core.navigation.judgement import judge_attempt
 
 THERE = np.array([0.1, 0.0, 0.0])
 

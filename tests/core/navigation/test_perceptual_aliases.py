@@ -81,5 +81,5 @@ def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_
         assert not memory.doubted
         memory.record_failure_from(3)
     assert memory.doubted == {3}
-    memory.begin_anew()
+    memory.begin_anew(1.0)
     assert not memory.doubted

@@ -1,0 +1,116 @@
+"""Arrival: whether the robot is at the goal, as far as images can tell (ours).
+
+The image of the goal decides where it can: where the predictor recognises it, where the map's own images say that it
+looks different from beside, and where the place belief is sure. Otherwise the robot turns round once, and the images in
+all directions decide. The belief alone is no arrival, because it also follows a robot that went astray.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.config import JudgingConfig
+from ltvn_core.geometry import distance, relative, wrap_angle
+from ltvn_core.graph.place_belief import LIKELY, SURE
+from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, BY_WAYPOINT, Note, Outcome, Severity
+from ltvn_core.navigation.motion import EventGenerator, QueryAborted
+from ltvn_core.navigation.query import Query, Survey
+from ltvn_core.navigation.recovery import turn
+from ltvn_core.types import Waypoint
+
+AT_TARGET_M, _AT_TARGET_RAD = 0.35, 0.3
+"""Largest distance from a target at which the robot is there by the place belief, in m and rad."""
+_BESIDE_M, _BESIDE_RAD = (0.5, 1.5), 0.4
+"""Distances from the goal of images that should not show it as reached, in m, and their largest turn from it."""
+_ONWARD_M = 1.0
+"""Distance to drive on after a turn that did not show the goal's place, in metres."""
+_MOST_SURVEYS = 4
+"""Number of turns at places that seem to be the goal after which the query is given up."""
+
+
+class Arrival(NamedTuple):
+    """How the robot knows that it is at the goal."""
+
+    rule: str
+    """Name in `config` of the rule that decided."""
+    reachability: float
+    """r of the goal in the last image."""
+    distance: float
+    """d of the goal, by the image or by the place belief."""
+
+
+def check_goal(query: Query) -> EventGenerator[Arrival | None]:
+    """Return the arrival if the image and the goal's neighbours in time match, and nothing speaks against it."""
+    seen = query.perception.node_match(query.goal)
+    if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
+        return None
+    if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
+        return None
+    p = query.places.probability_at(query.motion.odometry, query.goal, seen.waypoint)
+    if p is None or (p > SURE and _looks_different_from_beside(query)):
+        return Arrival(BY_IMAGE, seen.reachability, seen.distance)
+    if p <= LIKELY:
+        text = "The place looks like the goal, but the images of the whole query do not say so."
+        yield Note(text, Severity.WARN, rule=BY_PLACE)
+        return None
+    return (yield from check_place(query))
+
+
+def check_place(query: Query) -> EventGenerator[Arrival | None]:
+    """Return the arrival if the images in all directions show that the robot is where the goal is; turn round for it.
+
+    Raises:
+        QueryAborted: The robot has turned round in vain often enough.
+    """
+    seen = query.perception.node_match(query.goal)
+    if not query.context.system.follows_places:
+        return Arrival(BY_WAYPOINT, seen.reachability, seen.distance)
+    yield from _survey(query)
+    known = query.surveyed_waypoint(query.goal)
+    if known is None or np.hypot(known[0], known[1]) > AT_TARGET_M or abs(wrap_angle(known[2])) > _AT_TARGET_RAD:
+        return None
+    return Arrival(BY_PLACE, query.perception.node_match(query.goal).reachability, float(distance(known)))
+
+
+def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
+    """Tell whether the goal at `waypoint` (3,) is reached, by the current image alone."""
+    return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)
+
+
+def _survey(query: Query) -> EventGenerator[None]:
+    """Turn round once, unless that was done near here, and note whether the images show the believed place."""
+    if query.is_surveyed:
+        return
+    if query.memory.surveys >= _MOST_SURVEYS:
+        raise QueryAborted(Outcome.LOST)
+    query.memory.surveys += 1
+    expected = agreed = 0
+    for _ in range(query.method.recovering.looks_per_turn):
+        yield from turn(query)
+        if (yield from query.perception.can_compare()):
+            place = query.look()
+            if place is not None and place.expects_image:
+                expected += 1
+                agreed += place.is_recognised
+    is_confirmed = agreed > 0 and 2 * agreed >= expected
+    query.survey = Survey(query.motion.odometry, is_confirmed)
+    if not is_confirmed:
+        text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot localises anew."
+        yield Note(text, Severity.WARN, rule=BY_PLACE)
+        yield from query.driver.wander(_ONWARD_M)
+        query.begin_anew()
+
+
+def _looks_different_from_beside(query: Query) -> bool:
+    """Tell whether no image of the map that was taken beside the goal would count as taken there."""
+    place = query.place()
+    if place is None or query.goal not in place.nodes:
+        return True
+    around = [*place.nodes]
+    poses = relative(place.nodes[query.goal], np.array([place.nodes[node] for node in around]))
+    away_m = np.hypot(poses[:, 0], poses[:, 1])
+    nearest, farthest = _BESIDE_M
+    is_beside = (away_m > nearest) & (away_m < farthest) & (np.abs(wrap_angle(poses[:, 2])) < _BESIDE_RAD)
+    seen = query.perception.matches_between(query.goal, [around[k] for k in np.flatnonzero(is_beside)])
+    found = zip(seen.reachability, seen.waypoints, strict=True)
+    return not any(is_at_goal(float(r), waypoint, query.method.judging) for r, waypoint in found)

@@ -1,0 +1,91 @@
+"""The robot says that it has arrived only where images show it, and its event names what decided."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ltvn_core.analysis.decisions import query_decisions
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.config import ROBUST
+from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, Event, Outcome, QueryEnded, StampedEvent
+from ltvn_core.types import Features, NodeId, Prediction
+from tests.core.flat_world import FlatPredictor
+from tests.core.navigation.mapped_world import FIRST_STEP, MappedWorld, mapped_rooms
+
+
+class Hidden(FlatPredictor):
+    """Recognises some pairs of images no more, as if something stood in front of the camera."""
+
+    hides: Callable[[Features, Features], np.ndarray]
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        sources, targets = (np.asarray(each, np.float64) for each in np.broadcast_arrays(sources, targets))
+        answer = super().predict(sources, targets)
+        answer.reachability[self.hides(sources, targets)] = 0.01
+        return answer
+
+
+def mapped_rooms_with(hides: Callable[[MappedWorld, Features, Features], np.ndarray]) -> MappedWorld:
+    """Return two mapped rooms in which the robot's predictor recognises less than the map's did."""
+    place = mapped_rooms(ROBUST)
+    place.predictor = Hidden(place.world)
+    place.predictor.hides = lambda sources, targets: hides(place, sources, targets)
+    return place
+
+
+def is_live(features: Features) -> np.ndarray:
+    """Tell (N,) which features are of images taken in the query."""
+    return features[:, 3] >= FIRST_STEP
+
+
+def end_of(events: list[Event]) -> QueryEnded:
+    (ended,) = [event for event in events if isinstance(event, QueryEnded)]
+    return ended
+
+
+def rules_at_the_end(events: list[Event]) -> list[tuple[str, float | None]]:
+    timeline = Timeline.of([StampedEvent(k, 0.1 * k, event) for k, event in enumerate(events)])
+    return [(used.rule, used.found) for used in query_decisions(timeline, 0, ROBUST)[-1].rules]
+
+
+def goal_of(place: MappedWorld) -> NodeId:
+    return place.nearest(5.0, 3.0)
+
+
+def test_an_arrival_that_the_image_shows_names_the_rule_and_its_numbers() -> None:
+    place = mapped_rooms(ROBUST)
+    episode, events = place.go(goal_of(place))
+
+    ended = end_of(events)
+    assert episode.reached
+    assert ended.rule == BY_IMAGE
+    assert rules_at_the_end(events) == [("judging.arrive_distance", ended.distance), (BY_IMAGE, ended.reachability)]
+
+
+def test_a_goal_whose_image_shows_something_else_now_is_reached_by_the_images_around() -> None:
+    def hides(place: MappedWorld, sources: Features, targets: Features) -> np.ndarray:
+        goal = goal_of(place)
+        return (is_live(sources) & (targets[:, 3] == goal)) | (is_live(targets) & (sources[:, 3] == goal))
+
+    place = mapped_rooms_with(hides)
+    episode, events = place.go(goal_of(place))
+
+    ended = end_of(events)
+    assert episode.reached
+    assert (ended.rule, ended.reachability) == (BY_PLACE, 0.01)
+    assert rules_at_the_end(events) == [(BY_PLACE, None)], "r was not what decided"
+
+
+@pytest.mark.parametrize("near_m", [0.9, 2.0])
+def test_a_robot_that_recognises_nothing_near_its_goal_does_not_say_that_it_has_arrived(near_m: float) -> None:
+    def hides(place: MappedWorld, sources: Features, targets: Features) -> np.ndarray:
+        there = place.poses[goal_of(place)][:2]
+        near = np.hypot(*(sources[:, :2] - there).T) < near_m
+        return (is_live(sources) | is_live(targets)) & (near | (np.hypot(*(targets[:, :2] - there).T) < near_m))
+
+    place = mapped_rooms_with(hides)
+    _, events = place.go(goal_of(place))
+
+    assert end_of(events).outcome is not Outcome.ARRIVED
+    assert end_of(events).rule == ""

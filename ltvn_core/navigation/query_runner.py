@@ -249,12 +249,9 @@ class QueryRunner:
             self._query.number, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
         )
         try:
-            by_place = self._query.known_waypoint(target, LIKELY) if source is not None else None
-            is_known = (
-                self._is_by_odometry(segment)
-                or by_place is not None
-                or (source is None and self._query.surveyed_waypoint(target) is not None)
-            )
+            query = self._query
+            known = query.surveyed_waypoint(target) if source is None else query.known_waypoint(target, LIKELY)
+            is_known = known is not None or self._is_by_odometry(segment)
             result = yield from self._query.driver.drive(
                 target, node_match.waypoint, is_known=is_known, around=self._query.nodes_around(LIKELY)
             )

@@ -56,8 +56,15 @@ class MappedWorld:
         return min(self.graph.nodes, key=lambda node: math.dist(self.poses[node][:2], (x, y)))
 
 
-def map_world(world: FlatWorld, images: list[Observation], method: Method, *, drift: float = 0.0) -> MappedWorld:
-    predictor = FlatPredictor(world)
+def map_world(
+    world: FlatWorld,
+    images: list[Observation],
+    method: Method,
+    *,
+    drift: float = 0.0,
+    predictor: FlatPredictor | None = None,
+) -> MappedWorld:
+    predictor = predictor or FlatPredictor(world)
     keyframes = KeyframeStore(predictor)
     graph = TopologicalGraph(build(images, keyframes, predictor, method, np.random.default_rng(0)))
     poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}

@@ -8,10 +8,11 @@ import pytest
 from ltvn_core.analysis.decisions import query_decisions
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import ROBUST
+from ltvn_core.geometry import wrap_angle
 from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, Event, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import Features, NodeId, Prediction
-from tests.core.flat_world import FlatPredictor
-from tests.core.navigation.mapped_world import FIRST_STEP, MappedWorld, mapped_rooms
+from tests.core.flat_world import FlatPredictor, one_room, tour
+from tests.core.navigation.mapped_world import FIRST_STEP, MappedWorld, map_world, mapped_rooms
 
 
 class Hidden(FlatPredictor):
@@ -89,3 +90,30 @@ def test_a_robot_that_recognises_nothing_near_its_goal_does_not_say_that_it_has_
 
     assert end_of(events).outcome is not Outcome.ARRIVED
     assert end_of(events).rule == ""
+
+
+class BareWall(FlatPredictor):
+    """Cannot tell how far along a bare wall it stands: all images that face +y look as if taken at one place."""
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        sources, targets = (np.asarray(each, np.float64) for each in np.broadcast_arrays(sources, targets))
+        answer = super().predict(sources, targets)
+        faces = [np.abs(wrap_angle(each[:, 2] - np.pi / 2)) < 0.3 for each in (sources, targets)]
+        near = np.hypot(*(sources - targets)[:, :2].T) < self.sight_m
+        bare = faces[0] & faces[1] & near
+        answer.reachability[bare] = 0.95
+        answer.waypoints[bare, 1] = 0.0
+        return answer
+
+
+def test_beside_a_goal_in_front_of_a_bare_wall_the_images_in_other_directions_decide() -> None:
+    images = list(tour([(0.8, 2.0), (1.6, 2.0), (2.4, 2.0), (3.2, 2.0), (4.0, 2.0)]))
+    place = map_world(one_room(), images, ROBUST, predictor=BareWall(one_room()))
+    facing_wall = [node for node in place.graph.nodes if abs(wrap_angle(place.poses[node][2] - np.pi / 2)) < 0.15]
+    goal = min(facing_wall, key=lambda node: abs(place.poses[node][0] - 3.2))
+    place.robot.put_down([place.poses[goal][0] - 0.8, 2.0, np.pi / 2], [0.0, 0.0, 0.0])
+
+    episode, events = place.go(goal)
+
+    assert episode.reached
+    assert end_of(events).rule == BY_PLACE

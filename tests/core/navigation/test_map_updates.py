@@ -91,8 +91,8 @@ def test_the_robust_method_prunes_no_edge_in_its_first_query() -> None:
 
 def test_a_false_long_range_edge_is_avoided_for_the_rest_of_the_query_and_then_pruned() -> None:
     place = mapped_corridor(ROBUST)
-    join_nodes(place, 0, 6, 0.5)
-    place.predictor.lies[(FIRST_STEP, 6)] = np.array([0.5, 0.0, 0.0])
+    join_nodes(place, 0, 6, 1.2)
+    place.predictor.lies[(FIRST_STEP, 6)] = np.array([1.2, 0.0, 0.0])
     for query in range(3):
         place.robot.pose = np.array([0.6, 1.0, 0.0])
         place.robot.step = FIRST_STEP

@@ -12,7 +12,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from ltvn_core.cache_folder import cache_folder
 from ltvn_core.errors import SceneError
 from ltvn_core.plugins import SCENES, Plugin, find_plugins
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
-from ltvn_core.simulation.apartments.hall import generate_hall
+from ltvn_core.simulation.apartments.hall import OPEN_ISLANDS, generate_hall
 from ltvn_core.simulation.apartments.office import generate_office
 from ltvn_core.simulation.apartments.plain_building import generate_plain_building
 from ltvn_core.simulation.apartments.shop import generate_shop
@@ -80,6 +80,8 @@ def _recipes() -> dict[str, _Recipe]:
     recipes |= {f"tune-shop-{k}": _Recipe(11500 + k, area, generate_shop) for k, area in enumerate(_SHOPS_M2)}
     recipes |= {f"hall-{k}": _Recipe(12000 + k, area, generate_hall) for k, area in enumerate(_HALLS_M2)}
     recipes |= {f"tune-hall-{k}": _Recipe(12500 + k, area, generate_hall) for k, area in enumerate(_HALLS_M2)}
+    open_hall = partial(generate_hall, islands=OPEN_ISLANDS)
+    recipes |= {f"tune-tables-{k}": _Recipe(14500 + k, 320.0, open_hall) for k in range(2)}
     recipes |= {f"wings-{k}": _Recipe(13000 + k, area, generate_wings) for k, area in enumerate(_WINGS_M2)}
     recipes |= {f"tune-wings-{k}": _Recipe(13500 + k, area, generate_wings) for k, area in enumerate(_WINGS_M2)}
     return recipes

@@ -238,6 +238,39 @@ def _fridge(c: FurnitureBuilder) -> None:
     c.box(c.materials.dark, (0.4 * w, d / 2 + 0.02, 1.25), (0.03, 0.03, 0.3))
 
 
+def _legs(c: FurnitureBuilder, height: float, side: float) -> None:
+    """Add four legs at the corners."""
+    for across, down in product((-1, 1), (-1, 1)):
+        at = (across * (c.placement.width - side) / 2, down * (c.placement.depth - side) / 2, 0)
+        c.box(c.materials.metal, at, (side, side, height))
+
+
+def _open_table(c: FurnitureBuilder) -> None:
+    height = c.rng.uniform(0.69, 0.79)
+    _legs(c, height - 0.03, 0.04)
+    c.box(c.wood, (0, 0, height - 0.03), (c.placement.width, c.placement.depth, 0.03))
+
+
+def _open_rack(c: FurnitureBuilder) -> None:
+    w = c.placement.width
+    d = c.placement.depth
+    _legs(c, 2.2, 0.06)
+    for level in range(3):
+        z = c.rng.uniform(0.67, 0.76) + 0.65 * level
+        c.box(c.wood, (0, 0, z), (w, d, 0.04))
+        for place in (-0.3, 0.0, 0.3):
+            size = (0.25 * w, 0.7 * d, c.rng.uniform(0.2, 0.4))
+            c.box(c.rng.choice(c.materials.paints), (place * w, 0, z + 0.04), size)
+
+
+def _bar(c: FurnitureBuilder) -> None:
+    w = c.placement.width
+    d = c.placement.depth
+    height = c.rng.uniform(0.7, 0.82)
+    c.box(c.rng.choice(c.materials.paints), (0, -d / 2 + 0.1, 0), (w, 0.2, height - 0.04))
+    c.box(c.materials.white, (0, 0, height - 0.04), (w, d, 0.04))
+
+
 def _television(c: FurnitureBuilder) -> None:
     w = c.placement.width
     d = c.placement.depth
@@ -305,6 +338,9 @@ TABLE_WITH_CHAIRS = FurnitureKind(
     name="table-with-chairs", width=(2.0, 2.0), depth=(1.6, 1.6), draw=_table_with_chairs, against_wall=False
 )
 DESK_GROUP = FurnitureKind(name="desk-group", width=(3.2, 3.2), depth=(2.3, 2.3), draw=_desk_group, against_wall=False)
+OPEN_TABLE = FurnitureKind(name="open-table", width=(1.8, 1.8), depth=(0.9, 0.9), draw=_open_table, against_wall=False)
+OPEN_RACK = FurnitureKind(name="open-rack", width=(3.0, 3.0), depth=(1.0, 1.0), draw=_open_rack, against_wall=False)
+BAR = FurnitureKind(name="bar", width=(2.4, 2.4), depth=(0.8, 0.8), draw=_bar, against_wall=False)
 PLANT = FurnitureKind(name="plant", width=(0.45, 0.45), depth=(0.45, 0.45), draw=_plant)
 LAMP = FurnitureKind(name="lamp", width=(0.4, 0.4), depth=(0.4, 0.4), draw=_lamp)
 TOY_CHEST = FurnitureKind(name="toy-chest", width=(0.8, 1.2), depth=(0.4, 0.45), draw=_toy_chest)

@@ -14,6 +14,7 @@ count as rooms.
     +------------------+
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
@@ -61,6 +62,12 @@ _TABLES: Island = (_part(f.TABLE_WITH_CHAIRS, -0.85), _part(f.TABLE_WITH_CHAIRS,
 _DESKS: Island = (_part(f.DESK_GROUP, 0.0),)
 _SOFAS: Island = (_part(f.SOFA, -1.15), _part(f.LOW_TABLE, 0.0), _part(f.SOFA, 1.15, cos=-1.0))
 _ISLANDS = (_TABLES, _DESKS, _SOFAS)
+OPEN_ISLANDS: tuple[Island, ...] = (
+    (_part(f.OPEN_TABLE, -1.0), _part(f.OPEN_TABLE, 0.0), _part(f.OPEN_TABLE, 1.0)),
+    (_part(f.OPEN_RACK, 0.0),),
+    (_part(f.BAR, -0.4), _part(f.BAR, 0.4, cos=-1.0)),
+)
+"""Islands under which the floor can be seen, but no robot as high as a table fits."""
 
 
 def generate_hall_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
@@ -82,8 +89,8 @@ def generate_hall_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
     return mirrored(FloorPlan(width=width, depth=depth, rooms=tuple(rooms), doorways=tuple(doorways)), rng)
 
 
-def generate_hall(seed: int, area_m2: float) -> Building:
-    """Generate the hall of a seed with a floor area (300 to 650 m2)."""
+def generate_hall(seed: int, area_m2: float, islands: Sequence[Island] = _ISLANDS) -> Building:
+    """Generate the hall of a seed with a floor area (300 to 650 m2), with some kinds of islands."""
     rng = SeededRng(np.random.default_rng(seed))
     plan = generate_hall_plan(rng.spawn(), area_m2)
     builder = SurfaceBuilder()
@@ -99,7 +106,7 @@ def generate_hall(seed: int, area_m2: float) -> Building:
     for room, room_sides, style in zip(plan.rooms, sides, styles, strict=True):
         shell.draw(room, room_sides, style)
     placer = FurniturePlacer(builder, occupancy, materials)
-    _fill_hall(placer, rng.spawn(), plan.rooms[0])
+    _fill_hall(placer, rng.spawn(), plan.rooms[0], islands)
     _pillars(builder, occupancy, rng.spawn(), plan.rooms[0], styles[0].accent)
     for side in sides[0]:
         shell.decorate_long(plan.rooms[0], side)
@@ -138,11 +145,11 @@ def _island_edges(hall: Room) -> tuple[list[float], list[float]]:
     )
 
 
-def _fill_hall(placer: FurniturePlacer, rng: SeededRng, hall: Room) -> None:
+def _fill_hall(placer: FurniturePlacer, rng: SeededRng, hall: Room, islands: Sequence[Island]) -> None:
     """Place islands, most of them of one kind; some cells stay empty."""
-    usual = rng.choice(_ISLANDS)
+    usual = rng.choice(islands)
     for (x0, x1), (y0, y1) in product(*map(pairwise, _island_edges(hall))):
-        island = usual if rng.chance(0.7) else rng.choice(_ISLANDS)
+        island = usual if rng.chance(0.7) else rng.choice(islands)
         turned = rng.chance(0.5)
         x = snap((x0 + x1) / 2 + rng.uniform(-_ISLAND_SHIFT_M, _ISLAND_SHIFT_M))
         y = snap((y0 + y1) / 2 + rng.uniform(-_ISLAND_SHIFT_M, _ISLAND_SHIFT_M))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ltvn_core.simulation.apartments.generation import Building
-from ltvn_core.simulation.apartments.hall import generate_hall, generate_hall_plan
+from ltvn_core.simulation.apartments.hall import OPEN_ISLANDS, generate_hall, generate_hall_plan
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rooms import RoomKind
@@ -73,3 +73,13 @@ def test_a_tour_goes_through_all_parts_and_touches_nothing(hall: Building) -> No
 def test_a_hall_is_the_same_on_every_machine(hall: Building) -> None:
     """A change here means other halls: raise GENERATOR_VERSION."""
     assert digest(hall) == SHA256
+
+
+@pytest.mark.parametrize("seed", [14500, 14501])
+def test_under_the_furniture_of_an_open_hall_there_is_floor_that_a_locobot_does_not_fit_on(seed: int) -> None:
+    building = generate_hall(seed, 320.0, OPEN_ISLANDS)
+    clearance = ClearanceMap(building.blocked, building.origin)
+    low = [piece for piece in building.parts.furniture if piece.name.startswith(("open-", "bar-"))]
+    assert len(low) >= 6
+    assert all(clearance.at(np.array([[piece.x, piece.y]]))[0] == 0 for piece in low)
+    assert unreachable_share(building) < 0.01

@@ -119,6 +119,8 @@ def open_app_state(
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         say(f"Computing the descriptors of {len(known.graph.nodes):,} nodes…")
         _take_map(live, live_map, known)
+    if backend.robot is not None:
+        live_map.keyframes.space = robot.spec.needed_space
     simulated = backend.world
     carry = backend.carry
     world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
@@ -283,6 +285,7 @@ def _new_recording(
             "method": asdict(live_map.system.method),
             "maintenance": recorded_maintenance(live_map.system),
             **({} if scene is None else {"body": choose_body(options.body)}),
+            **robot.spec.needed_space.to_config(),
         },
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,

@@ -101,6 +101,7 @@ def rebuild_dry_run(
     for each in (method, changed):
         own = KeyframeStore(predictor)
         own.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
+        own.space = keyframes.space
         if observations:
             own.add(observations, known.features([seen.step for seen in observations]))
         deltas = build(observations, own, predictor, each, deepcopy(rng))

@@ -15,18 +15,19 @@ from ltvn_core.types import Depth, Observation, Pose
 
 RELEVANT_RANGE_M = 1.5
 """Largest distance of obstacles in metres; farther ones cannot matter before the next image."""
-_FLOOR_M, TABLE_M = 0.04, 0.65
-"""Lowest and highest height of obstacles above the floor, in metres, for a robot of unknown height."""
+_FLOOR_M = 0.04
+"""Lowest height of obstacles above the floor, in metres; the robot's height is the highest."""
 _EVERY_PIXEL = 2
 _READ: WeakKeyDictionary[Observation, dict[tuple[CameraModel, float, float], NDArray[np.float64]]] = WeakKeyDictionary()
 """Cache of the obstacle points of images in memory; an entry is dropped with its image."""
 
 
-def points_within(depth: Depth, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
-    """Return the points (M, 3) of a depth image within a range, in the robot's frame, from every second pixel."""
-    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+def points_within(depth: Depth, camera: CameraModel, range_m: float, every: int = _EVERY_PIXEL) -> NDArray[np.float64]:
+    """Return the points (M, 3) of a depth image within a range, in the robot's frame, from every second pixel, or of
+    `every` other number."""
+    sparse = depth[::every, ::every]
     rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
-    return camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, sparse[rows, columns])
+    return camera.unproject(np.stack([columns, rows], axis=-1) * every, sparse[rows, columns])
 
 
 def depths_within(depth: Depth, range_m: float) -> Depth:
@@ -35,13 +36,13 @@ def depths_within(depth: Depth, range_m: float) -> Depth:
     return sparse[(sparse > 0) & (sparse < range_m)]
 
 
-def are_solid(points: NDArray[np.float64], height_m: float = TABLE_M) -> NDArray[np.bool_]:
+def are_solid(points: NDArray[np.float64], height_m: float) -> NDArray[np.bool_]:
     """Return which points (M, 3) are at the height of obstacles for a robot of `height_m`."""
     return (points[:, 2] > _FLOOR_M) & (points[:, 2] < height_m)
 
 
 def obstacle_points(
-    depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M, height_m: float = TABLE_M
+    depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M, *, height_m: float
 ) -> NDArray[np.float64]:
     """Return the obstacle points (M, 2), x forward and y left, for a robot of `height_m`, from every second pixel.
 
@@ -53,13 +54,11 @@ def obstacle_points(
     return points[are_solid(points, height_m), :2]
 
 
-def map_points(
-    image: Observation, camera: CameraModel, range_m: float, height_m: float = TABLE_M
-) -> NDArray[np.float64]:
+def map_points(image: Observation, camera: CameraModel, range_m: float, *, height_m: float) -> NDArray[np.float64]:
     """Return the `obstacle_points` (M, 2) of an image of a map, with a cache; the array is read-only."""
     read = _READ.setdefault(image, {})
     if (points := read.get((camera, range_m, height_m))) is None:
-        points = read[camera, range_m, height_m] = obstacle_points(image.depth, camera, range_m, height_m)
+        points = read[camera, range_m, height_m] = obstacle_points(image.depth, camera, range_m, height_m=height_m)
         points.flags.writeable = False
     return points
 

@@ -90,7 +90,8 @@ def build(
     _note_edges("bridges by odometry", deltas, deltas, keyframes)
     if not method.building.floor_edges:
         return deltas
-    floor = FreeFloor([keyframes.observation(node) for node in run.nodes], predictor.camera, odometry_gate)
+    images = [keyframes.observation(node) for node in run.nodes]
+    floor = FreeFloor(images, predictor.camera, odometry_gate, keyframes.needed_space(predictor.camera))
     edges = [
         *floor_edges(
             TopologicalGraph(deltas),

@@ -3,7 +3,6 @@
 Owns when a straight line counts as free. Knows nothing of the graph.
 """
 
-import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,18 +11,19 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.cameras.depth_points import cell_keys, transform_points
-from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
+from ltvn_core.cameras.depth_points import are_solid, cell_keys, points_within, transform_points
+from ltvn_core.cameras.depth_scan import RANGE_M, DepthScan, reach_past
 from ltvn_core.geometry import compose, invert, wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.presence.obstruction import distances_to_way
+from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.types import NodeId, Observation, Pose, Waypoint
 
-_CLEAR_M = 0.3
-"""Clearance needed on both sides of a path: half a small robot plus the error of odometry, in metres."""
-_STOOD_M = 0.18
-"""Radius around the place of an image within which the floor is free, in metres."""
+_MARGIN_M = 0.12
+"""Clearance needed beside the robot, in metres: the errors of depth, and of odometry over a few metres."""
+_THING_M = 0.04
+"""Side of the squares of which one solid point is kept, in metres."""
 _SPACING_M = 0.1
 _FEW, _CELL_M = 16, 0.1
 """Number of points of a line in a quick test, and the cells of its grid, in metres."""
@@ -41,14 +41,17 @@ WELL_KNOWN_M = 10.0
 class FreeFloor:
     """The floor as seen by the images of some frames."""
 
-    def __init__(self, seen: Sequence[Observation], camera: CameraModel, gate: OdometryGate) -> None:
+    def __init__(
+        self, seen: Sequence[Observation], camera: CameraModel, gate: OdometryGate, space: NeededSpace
+    ) -> None:
         """Read the depth of images; one without depth only shows that a robot stood there."""
-        scans = [DepthScan.from_image(each, camera, np.zeros(3)) for each in seen]
+        self._space = space
+        self._clear_m = space.radius_m + _MARGIN_M
+        scans, self._things = zip(*(_read(each, camera, space) for each in seen), strict=True)
         self._rows = gate.rows([each.step for each in seen])
         self._gate = gate
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
-        self._ranges_m = np.stack([scan.ranges_m for scan in scans])
-        self._things = [scan.solid_points() for scan in scans]
+        self._shown_m = np.stack([scan.shown_m for scan in scans])
         self._near: dict[NodeId, _Elsewhere] = {}
         self._stretch_of, poses = gate.placed(self._rows)
         own = {stretch: np.flatnonzero(self._stretch_of == stretch) for stretch in np.unique(self._stretch_of).tolist()}
@@ -85,13 +88,14 @@ class FreeFloor:
         near = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
         images, poses, driven_m = images[near], poses[near], np.concatenate([driven_m, elsewhere.driven_m])[near]
         _, back_m = self._gate.seen_from(target.nodes[0], self._rows[images])
-        near = np.minimum(driven_m, back_m) <= WELL_KNOWN_M
-        images, poses = images[near], poses[near]
-        if not self._seen_free(way, images, poses).any(axis=0).all() or stretch.blocks(line, images):
+        path_m = np.minimum(driven_m, back_m)
+        well = path_m <= WELL_KNOWN_M
+        if not self._seen_free(way, images[well], poses[well]).any(axis=0).all() or stretch.blocks(line, self._clear_m):
             return False
-        others = self._stretch_of[images] != number
+        # A thing blocks the way however long ago it was seen.
+        others = (self._stretch_of[images] != number) & np.isfinite(path_m)
         things = [transform_points(self._things[k], at) for k, at in zip(images[others], poses[others], strict=True)]
-        return not any(_least_m(way, each) <= _CLEAR_M for each in things)
+        return not any(_least_m(way, each) <= self._clear_m for each in things)
 
     def _elsewhere(self, source: NodeId) -> "_Elsewhere":
         """Return the images of other stretches that a line from a node may pass."""
@@ -106,8 +110,7 @@ class FreeFloor:
     def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
         """Return what N images of one stretch at poses (N, 3) show."""
         things = [transform_points(self._things[k], pose) for k, pose in zip(images, poses, strict=True)]
-        owners = np.repeat(images, [len(each) for each in things])
-        return _Stretch(images, poses[:, :2], self._grid(images, poses), KDTree(np.concatenate(things)), owners)
+        return _Stretch(images, poses[:, :2], self._grid(images, poses), KDTree(_thinned(np.concatenate(things))))
 
     def _grid(self, images: NDArray[np.intp], poses: Pose) -> "_FloorGrid":
         """Return the floor that N images of one stretch at poses (N, 3) saw free."""
@@ -130,9 +133,9 @@ class FreeFloor:
         away_m = np.hypot(offset[..., 0], offset[..., 1])
         bearing = wrap_angle(np.arctan2(offset[..., 1], offset[..., 0]) - poses[:, 2:])
         inside = self._any_scan.inside(bearing)
-        place = np.clip(self._any_scan.bins(bearing), 1, self._ranges_m.shape[1] - 2)
-        beside = np.stack([self._ranges_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
-        return (inside & reach_past(beside, away_m + FREE_BEYOND_M)) | (away_m < _STOOD_M)
+        place = np.clip(self._any_scan.bins(bearing), 1, self._shown_m.shape[1] - 2)
+        beside = np.stack([self._shown_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
+        return (inside & reach_past(beside, away_m + self._clear_m)) | (away_m < self._space.radius_m)
 
 
 class _Elsewhere(NamedTuple):
@@ -155,15 +158,11 @@ class _Stretch(NamedTuple):
     """(N, 2) places of the images."""
     grid: "_FloorGrid"
     things: KDTree
-    """Solid points (M, 2)."""
-    owners: NDArray[np.intp]
-    """(M,) number of the image that shows each point."""
+    """Solid points (M, 2) of all images."""
 
-    def blocks(self, line: NDArray[np.float64], images: NDArray[np.intp]) -> bool:
-        """Tell whether some of the images show a solid point near a line (S, 2)."""
-        found = self.things.query_ball_point(line, _CLEAR_M)
-        rows = np.fromiter(itertools.chain.from_iterable(found), np.intp)
-        return bool(np.isin(self.owners[rows], images).any())
+    def blocks(self, line: NDArray[np.float64], clear_m: float) -> bool:
+        """Tell whether an image shows a solid point near a line (S, 2)."""
+        return bool(self.things.n) and bool((self.things.query(line)[0] <= clear_m).any())
 
 
 class _FloorGrid(NamedTuple):
@@ -181,6 +180,22 @@ class _FloorGrid(NamedTuple):
 
 def _cells(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.round(points / _CELL_M).astype(np.int64)
+
+
+def _read(seen: Observation, camera: CameraModel, space: NeededSpace) -> tuple[DepthScan, NDArray[np.float64]]:
+    """Return the scan of an image and its solid points (M, 2), both relative to the image.
+
+    Every pixel is read: the edge of a table is one or two pixels high.
+    """
+    points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, RANGE_M, every=1)
+    scan = DepthScan.of(camera, seen.stamp, np.zeros(3), points, space.height_m)
+    return scan, _thinned(points[are_solid(points, space.height_m), :2])
+
+
+def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return one of the points (M, 2) in each square of `_THING_M`."""
+    _, kept = np.unique(cell_keys(np.round(points / _THING_M).astype(np.int64)), return_index=True)
+    return points[kept]
 
 
 def _least_m(line: NDArray[np.float64], points: NDArray[np.float64]) -> float:

@@ -10,10 +10,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.feature_rows import FeatureRows
+from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.types import Features, FrameId, HeldFeatures, Observation, Predictor
 
 ODOMETRY_JUMP = 1.5
@@ -38,6 +40,8 @@ class KeyframeStore:
         """The frames of the last call of `held`, and their rows; None after a change."""
         self.corrections: list[Correction] = []
         """What building a map from these images corrected or added by itself, in order."""
+        self.space: NeededSpace | None = None
+        """Space that the robot of these images needs free; None if the robot is unknown."""
         self._has_odometry = False
         """Whether odometry ever moved; if not, it cannot tell which images are near each other."""
 
@@ -66,6 +70,10 @@ class KeyframeStore:
     def odometry_starts(self) -> tuple[FrameId, ...]:
         """The first frame of each drive whose odometry restarts, in order; empty for a single drive."""
         return tuple(frame for frame in self._drive_starts if frame not in self._resumed)
+
+    def needed_space(self, camera: CameraModel) -> NeededSpace:
+        """Return the space that the robot needs free; an assumed one if the robot behind this camera is unknown."""
+        return self.space or NeededSpace.assumed(camera)
 
     def begin_drives(self, frames: Iterable[FrameId], *, resumed: Iterable[FrameId] = ()) -> None:
         """Begin another drive at each of some frames; images before and after such a frame are not neighbours in time.

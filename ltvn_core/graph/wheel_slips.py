@@ -33,6 +33,8 @@ _BETTER = 0.5
 """Factor by which another motion must reduce that distance."""
 _CAP_M = 0.25
 """Distance at which points without a counterpart are capped, in metres."""
+_COMPARED_M = 0.65
+"""Height in metres below which scans are compared, whatever the robot's height."""
 _LEAST_POINTS = 15
 _EDGE_RAD, _NEAR_M = 0.1, 0.35
 """Points within this of the edge of the earlier image, in rad, or of its camera, in m, may have no counterpart
@@ -119,7 +121,7 @@ class SlipTracker:
         return bool(np.hypot(moved[0], moved[1]) > _LOOK_M or abs(moved[2]) > _LOOK_RAD)
 
     def _compare(self, seen: Observation) -> None:
-        scan = DepthScan.from_image(seen, self._camera, np.zeros(3))
+        scan = DepthScan.from_image(seen, self._camera, np.zeros(3), height_m=_COMPARED_M)
         last, self._last = self._last, (seen, scan)
         if last is None:
             return
@@ -176,7 +178,7 @@ def find_slips(drive: Sequence[Observation], camera: CameraModel) -> list[Slip]:
     """Return the slips of a drive, in order: jumps larger than the error of the search for them in this drive."""
     if not np.ptp([seen.odometry for seen in drive], axis=0).any():
         return []
-    scans = [DepthScan.from_image(seen, camera, np.zeros(3)) for seen in drive]
+    scans = [DepthScan.from_image(seen, camera, np.zeros(3), height_m=_COMPARED_M) for seen in drive]
     moves = {row: relative(drive[row - 1].odometry, drive[row].odometry) for row in range(1, len(drive))}
     moves = {row: move for row, move in moves.items() if drive[row - 1].step != drive[row].step}
     moves = {row: move for row, move in moves.items() if not _are_apart(move)}

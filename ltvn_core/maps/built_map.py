@@ -26,6 +26,7 @@ from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.robots.robot_check import sequence_findings
+from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import FrameId, Observation, Predictor
 
@@ -44,6 +45,7 @@ def build_map(
     seed: int = 0,
     goals: Collection[FrameId] = (),
     drives: Sequence[JoinedDrive] = (),
+    space: NeededSpace | None = None,
     progress: ProgressCallback | None = None,
 ) -> TopologicalMap:
     """Build a map from the observations of one or more drives (Algorithm 1 of the paper).
@@ -65,6 +67,7 @@ def build_map(
         drives: The drives of the images, if there are several, see `maps.joined_drives`. Drives are joined where they
             recognise each other or where one continues another. Edges that a later drive finds blocked get an
             observation that they are blocked.
+        space: Space that the robot needs free, `RobotSpec.needed_space`; None if the robot is unknown.
         progress: Called now and then with the number of images done and the number of all images.
 
     Raises:
@@ -85,6 +88,7 @@ def build_map(
     graph = built.graph
     keyframes = built.keyframes
     keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
+    keyframes.space = space
     built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
     corrections = tuple(keyframes.corrections)
     resumed = keyframes.resumed_starts  # Drives whose images contradict the continued odometry are left out.

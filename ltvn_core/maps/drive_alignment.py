@@ -123,6 +123,7 @@ def moved_keyframes(
     """Return the same images and features, with moved poses."""
     moved = KeyframeStore(predictor)
     moved.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
+    moved.space = keyframes.space
     seen = [moved_observation(keyframes.observation(frame), drives, movements) for frame in keyframes.frames]
     if seen:
         moved.add(seen, keyframes.features([each.step for each in seen]))

@@ -285,7 +285,7 @@ class _Contradictions:
 
     def _blocked(self, seen: Observation, place: _Place, first: int) -> list[EdgeKey]:
         camera = self.predictor.camera
-        solid = _thinned(transform_points(obstacle_points(seen.depth, camera, _RANGE_M), place.pose))
+        solid = _thinned(transform_points(self._obstacles(seen, camera, _RANGE_M), place.pose))
         mapped = self._mapped(place, first, camera)
         if len(solid) < _LEAST_POINTS or not len(mapped):
             return []
@@ -310,8 +310,12 @@ class _Contradictions:
     def _solid(self, image: Observation, camera: CameraModel) -> NDArray[np.float64]:
         """Return the solid points (M, 2) of an image of an earlier drive, which many images of later ones ask for."""
         if image.step not in self.points:
-            self.points[image.step] = obstacle_points(image.depth, camera, 2 * _RANGE_M)
+            self.points[image.step] = self._obstacles(image, camera, 2 * _RANGE_M)
         return self.points[image.step]
+
+    def _obstacles(self, image: Observation, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
+        height_m = self.keyframes.needed_space(camera).height_m
+        return obstacle_points(image.depth, camera, range_m, height_m=height_m)
 
     def _around(self, node: NodeId) -> Iterator[tuple[Observation, Pose]]:
         here = self.keyframes.observation(node).odometry

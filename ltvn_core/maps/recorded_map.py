@@ -8,6 +8,7 @@ import logging
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.predictors.remembered_answers import RememberedPredictor
+from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import FrameId, Observation
 
@@ -93,10 +95,22 @@ def build_recorded_map(
             seed=options.seed,
             goals=options.goals,
             drives=joined.drives,
+            space=_needed_space(recordings),
             progress=progress,
         )
     built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
+
+
+def _needed_space(recordings: Sequence[Recording]) -> NeededSpace | None:
+    """Return the space in which the robots of all recordings fit; None if no robot is known."""
+    known = [NeededSpace.recorded(recording.meta.config) for recording in recordings]
+    if not any(known):
+        return None
+    spaces = [
+        space or NeededSpace.assumed(recording.meta.camera) for space, recording in zip(known, recordings, strict=True)
+    ]
+    return reduce(NeededSpace.covering, spaces)
 
 
 def save_recorded_map(built: TopologicalMap, output: Path | str, options: BuildOptions) -> None:

@@ -31,6 +31,7 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import AUTO, ImageSource
 from ltvn_core.predictors.opening import open_method, open_predictor, opened_name
 from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Waypoint
 
@@ -170,6 +171,7 @@ class TopologicalMap(WithDoubts):
         check_fingerprint(meta, predictor.fingerprint)
         seen = [each for frame, each in loaded.observations.items() if with_reserve or frame not in graph.reserve]
         known = cls.of(predictor, system, graph, seen)
+        known.keyframes.space = NeededSpace.recorded(meta.config)
         return replace(known, scene=meta.scene, camera=meta.camera, scene_glb=loaded.scene_glb)
 
     @property
@@ -270,6 +272,7 @@ class TopologicalMap(WithDoubts):
                 **({"predictor": named} if (named := self.predictor_name or opened_name(self.predictor)) else {}),
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
                 **to_config(self.corrections),
+                **(self.keyframes.space.to_config() if self.keyframes.space else {}),
                 **(config or {}),
             },
             origin=None if origin is None else Path(origin),

@@ -18,7 +18,7 @@ from ltvn_core.cameras.depth_points import (
     points_within,
     transform_points,
 )
-from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.clearances import MAX_NOISE_POINTS
@@ -85,7 +85,7 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
     away_m, bearing = scan.polar(points)
     inside = scan.inside(bearing)
     beside = scan.beside(bearing)
-    free = inside & reach_past(beside, away_m + FREE_BEYOND_M)
+    free = inside & scan.shows_past(bearing, away_m + FREE_BEYOND_M)
     return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
 
 
@@ -151,7 +151,7 @@ def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]
     beside_m = scan.beside(bearing)
     beyond_m = away_m - beside_m
     is_again = ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)
-    return scan.inside(bearing) & (is_again | reach_past(beside_m, away_m + FREE_BEYOND_M))
+    return scan.inside(bearing) & (is_again | scan.shows_past(bearing, away_m + FREE_BEYOND_M))
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -236,7 +236,7 @@ class ObstacleMemory:
         seen = points_within(depth, self._camera, RANGE_M)
         depths_m = depths_within(depth, RANGE_M)
         solid = are_solid(seen, self._height_m)
-        scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, solid)
+        scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, self._height_m)
         things = transform_points(seen[solid, :2], observation.odometry)
         return scan, things, depths_m[solid] < RELEVANT_RANGE_M
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.depth_points import cell_keys, map_points, obstacle_points, transform_points
-from ltvn_core.cameras.depth_scan import DepthScan, reach_past
+from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.presence.obstruction import (
@@ -57,7 +57,7 @@ def shows_free(scan: DepthScan, way: NDArray[np.float64]) -> bool:
     away_m, bearing = away_m[asked], bearing[asked]
     if not asked.any() or not scan.inside(bearing).all() or away_m.max() > _FREE_RANGE_M:
         return False
-    return bool(reach_past(scan.beside(bearing), away_m + _BEHIND_M).all())
+    return bool(scan.shows_past(bearing, away_m + _BEHIND_M).all())
 
 
 _RANGE_M = 2.5
@@ -103,7 +103,10 @@ def open_ways(query: Query) -> list[EdgeKey]:
         return []
     back = invert(_here(query, query.departure))
     seen = query.perception.observation
-    scan = DepthScan.from_image(seen, query.context.spec.camera, np.zeros(3), trusted_m=2 * _FREE_RANGE_M)
+    spec = query.context.spec
+    scan = DepthScan.from_image(
+        seen, spec.camera, np.zeros(3), height_m=spec.clear_height_m, trusted_m=2 * _FREE_RANGE_M
+    )
     ways = {key: way for key, way in ways_nearby(graph, query.departure.node).items() if key in closed}
     return [key for key, way in ways.items() if shows_free(scan, transform_points(way, back))]
 
@@ -149,7 +152,9 @@ def _here(query: Query, left: Departure) -> Pose:
 
 def _solid_points(query: Query, here: Pose) -> NDArray[np.float64]:
     """Return (M, 2) solid points that a robot at a pose (3,) sees now or saw nearby recently, thinned out."""
-    seen = obstacle_points(query.perception.observation.depth, query.context.spec.camera, _RANGE_M)
+    spec = query.context.spec
+    depth = query.perception.observation.depth
+    seen = obstacle_points(depth, spec.camera, _RANGE_M, height_m=spec.clear_height_m)
     return _thinned(transform_points(np.concatenate([seen, query.driver.solid_points()]), here))
 
 
@@ -166,7 +171,8 @@ def _is_new(query: Query, points: NDArray[np.float64], node: NodeId, here: Pose)
     """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
     poses = nearby_poses(query.context.graph, node)
     nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
-    read = partial(map_points, camera=query.context.spec.camera, range_m=2 * _RANGE_M)
+    spec = query.context.spec
+    read = partial(map_points, camera=spec.camera, range_m=2 * _RANGE_M, height_m=spec.clear_height_m)
     mapped = query.perception.mapped_points({other: poses[other] for other in nearest}, _IMAGES_AROUND, read)
     return _is_new_to(points, mapped)
 

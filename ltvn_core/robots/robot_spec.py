@@ -4,7 +4,9 @@ Owns the only definition of a robot's radius, speeds and camera. Drives nothing.
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Self
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import OptionError
@@ -60,6 +62,39 @@ class AccelerationLimits:
 
 
 _HEADROOM_M = 0.1
+_SPACE_KEY = "needed_space"
+
+
+@dataclass(frozen=True, slots=True)
+class NeededSpace:
+    """The space around a robot's centre that must be free where it drives; see `RobotSpec.needed_space`."""
+
+    radius_m: float
+    height_m: float
+
+    @classmethod
+    def assumed(cls, camera: CameraModel) -> Self:
+        """Return the space for an unknown robot: that of a LoCoBot, but no lower than a little above its camera."""
+        known = LOCOBOT.needed_space
+        return cls(known.radius_m, max(known.height_m, round(camera.height_m + _HEADROOM_M, 3)))
+
+    @classmethod
+    def recorded(cls, config: Mapping[str, Any]) -> Self | None:
+        """Return the space in the settings of a recording or a map; None if they have none, or an impossible one."""
+        found = config.get(_SPACE_KEY)
+        if not isinstance(found, Mapping) or found.keys() != {"radius_m", "height_m"}:
+            return None
+        lengths = [found["radius_m"], found["height_m"]]
+        are_lengths = all(isinstance(each, int | float) and 0 < each < math.inf for each in lengths)
+        return cls(*map(float, lengths)) if are_lengths else None
+
+    def to_config(self) -> dict[str, Any]:
+        """Return the space as an entry of the settings of a recording or a map."""
+        return {_SPACE_KEY: asdict(self)}
+
+    def covering(self, other: "NeededSpace") -> "NeededSpace":
+        """Return the space in which both robots fit."""
+        return NeededSpace(max(self.radius_m, other.radius_m), max(self.height_m, other.height_m))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +135,11 @@ class RobotSpec:
         """Height above the floor that obstacle avoidance keeps free: a little above the robot, because a tilted camera
         sees things higher than they hang."""
         return round(self.height_m + _HEADROOM_M, 3)
+
+    @property
+    def needed_space(self) -> NeededSpace:
+        """Space that must be free where the robot drives."""
+        return NeededSpace(self.clear_radius_m, self.clear_height_m)
 
 
 LOCOBOT = RobotSpec(

@@ -163,6 +163,7 @@ class LiveMap:
         seen = [each for each in self._map.images if is_usable(each, predictor)]
         fresh = TopologicalMap.of(predictor, system)
         fresh.keyframes.begin_drives(self.graph.drives)
+        fresh.keyframes.space = self.keyframes.space
         for first in range(0, len(seen), IMAGES_AT_ONCE):
             progress(0, len(seen))  # The encoding of images can be cancelled, too.
             fresh.keyframes.add(seen[first : first + IMAGES_AT_ONCE])

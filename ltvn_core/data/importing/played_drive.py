@@ -63,7 +63,8 @@ class NamedDrive(NamedTuple):
     def spec(self, camera: CameraModel) -> RobotSpec:
         """Return the robot's specification, with `camera` as its camera; without a profile, it has the size of a
         LoCoBot."""
-        spec = LOCOBOT if self.profile is None else self.profile.spec(camera)
+        unknown = replace(LOCOBOT, height_m=max(LOCOBOT.height_m, camera.height_m))
+        spec = unknown if self.profile is None else self.profile.spec(camera)
         return replace(spec, name=f"{self.path.name} (recorded)", camera=camera)
 
 

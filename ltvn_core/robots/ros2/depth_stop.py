@@ -11,7 +11,7 @@ import threading
 import time
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.freshness import Freshness
-from ltvn_core.robots.ros2.profile import Body, RobotProfile
+from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_sensors import sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import read_stamp
@@ -59,6 +59,14 @@ class _Section:
     """Rows and columns of a square of `_HOLE_M`."""
 
 
+class _Corridor(NamedTuple):
+    """Half the width, and the lowest and highest points, of what must be free before the robot, in metres."""
+
+    radius_m: float
+    low_m: float
+    height_m: float
+
+
 @lru_cache(maxsize=2)
 def _rays(camera: CameraModel) -> NDArray[np.float64]:
     """Return the points (H, W, 3), relative to the camera, that its pixels see at one metre of depth."""
@@ -67,10 +75,10 @@ def _rays(camera: CameraModel) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=2)
-def _sections(camera: CameraModel, body: Body, stop_m: float) -> tuple[_Section, ...]:
+def _sections(camera: CameraModel, body: _Corridor, stop_m: float) -> tuple[_Section, ...]:
     """Return the cross-sections of the corridor from the body to its end."""
     rays = _rays(camera)
-    low_m, high_m = body.ground_clearance_m + _FLOOR_M, body.height_m
+    low_m, high_m = body.low_m, body.height_m
     side_m = min(_HOLE_M, body.radius_m, high_m - low_m)
     sections = []
     for x_m in map(float, np.linspace(body.radius_m, body.radius_m + stop_m, _SECTIONS)):
@@ -84,10 +92,10 @@ def _sections(camera: CameraModel, body: Body, stop_m: float) -> tuple[_Section,
 
 
 @lru_cache(maxsize=2)
-def _share_in_view(camera: CameraModel, body: Body, stop_m: float) -> float:
+def _share_in_view(camera: CameraModel, body: _Corridor, stop_m: float) -> float:
     """Return the share of the end of the corridor that is in the camera's field of view."""
     left = np.linspace(-body.radius_m, body.radius_m, 21)
-    up = np.linspace(body.ground_clearance_m + _FLOOR_M, body.height_m, 21)
+    up = np.linspace(body.low_m, body.height_m, 21)
     places = np.stack(np.meshgrid(body.radius_m + stop_m, left, up), axis=-1)
     pixels = camera.project(places) + 0.5
     share = float(((pixels >= 0) & (pixels <= (camera.width, camera.height))).all(axis=-1).mean())
@@ -163,11 +171,12 @@ class DepthStop:
         has_return = np.isfinite(sparse) & (sparse > 0)
         if not has_return.any():
             return "the depth image is empty"
-        body = self._profile.body
+        spec = self._profile.spec(camera)
+        body = _Corridor(spec.clear_radius_m, spec.ground_clearance_m + _FLOOR_M, spec.clear_height_m)
         camera = camera.scaled(sparse.shape[1], sparse.shape[0])
         x, y, z = np.moveaxis(np.where(has_return, sparse, 0)[..., None] * _rays(camera), -1, 0)
         up_m = z + camera.height_m
-        high = (up_m > body.ground_clearance_m + _FLOOR_M) & (up_m < body.height_m)
+        high = (up_m > body.low_m) & (up_m < body.height_m)
         hits = x[(x > 0) & (x < body.radius_m + self._stop_m) & (np.abs(y) < body.radius_m) & high]
         if len(hits) >= _FEW_POINTS:
             return f"there is an obstacle {hits.min() - body.radius_m:.2f} m in front of the robot"

@@ -35,7 +35,10 @@ def collect_with(options: CollectVerb) -> CollectSummary:
         robot = fit_camera(own, open_predictor(choice.name, camera=own.spec.camera).camera)
         scene = own.spec.name if options.scene == "demo" else options.scene
         run = RunDescription(
-            scene=scene, config={"verb": "collect", "robot": name}, fingerprint="", camera=robot.spec.camera
+            scene=scene,
+            config={"verb": "collect", "robot": name, **own.spec.needed_space.to_config()},
+            fingerprint="",
+            camera=robot.spec.camera,
         )
         begun_s = time.monotonic()
         has_depth: list[bool] = []
@@ -74,7 +77,7 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
         robot = continued_robot(own, known)
         run = RunDescription(
             scene=known.scene,
-            config={**options.settings(known), "robot": name},
+            config={**options.settings(known), "robot": name, **own.spec.needed_space.to_config()},
             fingerprint=known.predictor.fingerprint,
             camera=robot.spec.camera,
             scene_glb=known.scene_glb,

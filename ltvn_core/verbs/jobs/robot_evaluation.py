@@ -99,7 +99,13 @@ def _run_phase(options: EvaluateRobotVerb, phase: Phase, own: Robot, done: int) 
     robot = continued_robot(own, known)
     run = RunDescription(
         scene=known.scene,
-        config={**drive.settings(known), "verb": "evaluate", "robot": options.robot, "phase": phase},
+        config={
+            **drive.settings(known),
+            "verb": "evaluate",
+            "robot": options.robot,
+            "phase": phase,
+            **own.spec.needed_space.to_config(),
+        },
         fingerprint=known.predictor.fingerprint,
         camera=robot.spec.camera,
         scene_glb=known.scene_glb,

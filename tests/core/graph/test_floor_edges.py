@@ -4,9 +4,11 @@ import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
@@ -17,11 +19,11 @@ from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_spec import LOCOBOT, NeededSpace
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
-from ltvn_core.types import Observation
+from ltvn_core.types import Depth, Observation
 from tests.core.flat_world import observation_at, one_room
 from tests.core.navigation.people_about import depth_of
 from tests.core.simulation.two_room_mesh import box_house, save
@@ -49,7 +51,7 @@ def chain(images: list[Observation]) -> TopologicalGraph:
 
 def turns(images: list[Observation], gate: OdometryGate | None = None) -> list[EdgeAdded]:
     gate = gate or OdometryGate(images, ROBUST.building)
-    floor = FreeFloor([replace(seen, depth=None) for seen in images], LOCOBOT.camera, gate)
+    floor = FreeFloor([replace(seen, depth=None) for seen in images], LOCOBOT.camera, gate, LOCOBOT.needed_space)
     return list(floor_edges(chain(images), gate, floor, ROBUST))
 
 
@@ -101,11 +103,11 @@ def seen_from(robot: SimulatedRobot, poses: Sequence[tuple[float, float, float]]
     return images
 
 
-def joined(images: Sequence[Observation], source: int, target: int) -> bool:
-    """Tell whether the floor between two of the images was seen free by them all."""
+def joined(images: Sequence[Observation], source: int, target: int, space: NeededSpace = LOCOBOT.needed_space) -> bool:
+    """Tell whether the floor between two of the images was seen free by them all, for a robot of some size."""
     gate = OdometryGate(images, ROBUST.building)
     waypoint = relative(images[source].odometry, images[target].odometry)
-    floor = FreeFloor(images, LOCOBOT.camera, gate)
+    floor = FreeFloor(images, LOCOBOT.camera, gate, space)
     return floor.joins(images[source].step, Matches.of_one(images[target].step, 0.8, waypoint))
 
 
@@ -135,7 +137,7 @@ def test_an_obstacle_that_another_drive_shows_keeps_nodes_apart_once_the_drives_
     link = DriveLink(0, 20, relative(facing[0].odometry, np.array(across[0])))
     images = [*facing, *later]
     gate = OdometryGate(images, ROBUST.building, drive_starts=[20], links=[link] if is_linked else [])
-    floor = FreeFloor(images, LOCOBOT.camera, gate)
+    floor = FreeFloor(images, LOCOBOT.camera, gate, LOCOBOT.needed_space)
     joins = floor.joins(0, Matches.of_one(10, 0.8, np.array([2.0, 0.0, np.pi])))
     assert joins is not is_linked
 
@@ -169,5 +171,62 @@ def test_a_long_edge_crosses_a_hall_only_where_the_way_round_is_much_longer(
     heading = float(np.arctan2(stops[-1][1] - 1.0, stops[-1][0] - 0.6))
     images = seen_from(hall_robot, [(0.6, 1.0, heading), *stops])
     gate = OdometryGate(images, ROBUST.building)
-    edges = floor_edges(chain(images), gate, FreeFloor(images, LOCOBOT.camera, gate), ROBUST)
+    floor = FreeFloor(images, LOCOBOT.camera, gate, LOCOBOT.needed_space)
+    edges = floor_edges(chain(images), gate, floor, ROBUST)
     assert any(np.hypot(*each.edge.waypoint[:2]) > 3 for each in edges) == is_joined
+
+
+def seen_in_hall_with(
+    folder: Path, bounds: Sequence[Sequence[float]], poses: Sequence[tuple[float, float, float]]
+) -> list[Observation]:
+    """Return the images of a hall in which a board hangs, or a thing stands."""
+    hall = box_house()
+    for name in list(hall.geometry)[-2:]:
+        hall.delete_geometry(name)
+    hall.add_geometry(trimesh.creation.box(bounds=bounds))
+    path = save(hall, folder / "hall.glb")
+    with closing(open_simulation(str(path), seed=0, odometry_noise=OdometryNoise.NONE).robot) as robot:
+        return seen_from(robot, poses)
+
+
+ACROSS = [(1.0, 2.0, 0.0), (1.6, 2.0, 0.0), (4.4, 2.0, np.pi), (5.0, 2.0, np.pi)]
+
+
+@pytest.mark.parametrize(
+    ("low_m", "top_m", "is_joined"),
+    [
+        (0.69, 0.72, {"locobot": False, "low": True}),
+        (0.3, 0.34, {"locobot": False, "low": False}),
+        (1.2, 1.3, {"locobot": True, "low": True}),
+    ],
+    ids=["a table", "a bench", "a lamp"],
+)
+def test_a_way_under_a_table_is_free_for_a_low_robot_alone(
+    tmp_path: Path, low_m: float, top_m: float, is_joined: dict[str, bool]
+) -> None:
+    images = seen_in_hall_with(tmp_path, [[2.6, 1.2, low_m], [3.4, 2.8, top_m]], ACROSS)
+    spaces = {"locobot": LOCOBOT.needed_space, "low": NeededSpace(0.18, 0.5)}
+    assert {name: joined(images, 0, 3, space) for name, space in spaces.items()} == is_joined
+
+
+def test_a_way_between_two_things_is_free_for_a_slim_robot_alone(tmp_path: Path) -> None:
+    images = seen_in_hall_with(tmp_path, [[2.8, 2.5, 0.0], [3.2, 3.0, 1.0]], ACROSS)
+    assert joined(images, 0, 3)
+    assert not joined(images, 0, 3, NeededSpace(0.45, 0.9))
+
+
+def test_a_thing_counts_however_long_ago_it_was_seen_from_its_other_side(tmp_path: Path) -> None:
+    images = seen_in_hall_with(tmp_path, [[2.9, 1.9, 0.0], [3.1, 2.1, 0.5]], [*ACROSS, (3.0, 0.5, np.pi / 2)])
+    before = [replace(seen, depth=_floor_without_things()) for seen in images[:4]]
+    round_m = [(11.0 - abs(k - 6), 1.0 if k < 7 else 0.5, 0.0) for k in range(15)]
+    way = [replace(images[0], step=100 + k, depth=None, odometry=np.array(pose)) for k, pose in enumerate(round_m)]
+    assert joined([*before, *way], 0, 3)
+    assert not joined([*before, *way, replace(images[4], step=200)], 0, 3)
+
+
+def _floor_without_things() -> Depth:
+    camera = LOCOBOT.camera
+    down = (np.arange(camera.height) - camera.cy) / camera.fy
+    with np.errstate(divide="ignore"):
+        floor = np.where(down > 0, camera.height_m / down, 10.0)
+    return np.repeat(floor[:, None], camera.width, axis=1).astype(np.float32)

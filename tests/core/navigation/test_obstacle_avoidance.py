@@ -14,7 +14,7 @@ from ltvn_core.types import Twist
 from tests.core.flat_world import observation_at
 
 LENS = LOCOBOT.camera
-RADIUS_M = LOCOBOT.clear_radius_m
+RADIUS_M, HEIGHT_M = LOCOBOT.clear_radius_m, LOCOBOT.clear_height_m
 AHEAD = Twist(0.5, 0.0)
 STRAIGHT = replace(ROBUST.driving, swerve=False)
 
@@ -32,16 +32,18 @@ def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
 
 
 def command(depth: np.ndarray, length_m: float = 2.0, twist: Twist = AHEAD) -> Twist | None:
-    return collision_free_command(twist, obstacle_points(depth, LENS), length_m, ROBUST.driving, radius_m=RADIUS_M)
+    return collision_free_command(
+        twist, obstacle_points(depth, LENS, height_m=HEIGHT_M), length_m, ROBUST.driving, radius_m=RADIUS_M
+    )
 
 
 def test_an_empty_floor_is_free() -> None:
-    assert len(obstacle_points(scene(), LENS)) == 0
+    assert len(obstacle_points(scene(), LENS, height_m=HEIGHT_M)) == 0
     assert command(scene()) == AHEAD
 
 
 def test_points_lie_where_the_camera_sees_them() -> None:
-    points = obstacle_points(scene((0.9, 0.5, 0.3, 0.5)), LENS)
+    points = obstacle_points(scene((0.9, 0.5, 0.3, 0.5)), LENS, height_m=HEIGHT_M)
     assert np.allclose(points[:, 0], 0.9)
     assert points[:, 1].min() > 0.28
     assert points[:, 1].max() < 0.52
@@ -64,7 +66,10 @@ def test_a_post_on_the_left_moves_the_detour_to_the_right() -> None:
     assert adjusted is not None
     assert adjusted.angular_rad_s < 0
     assert 0 < adjusted.linear_m_s < AHEAD.linear_m_s
-    assert collision_free_command(AHEAD, obstacle_points(post, LENS), 2.0, STRAIGHT, radius_m=RADIUS_M) is None
+    assert (
+        collision_free_command(AHEAD, obstacle_points(post, LENS, height_m=HEIGHT_M), 2.0, STRAIGHT, radius_m=RADIUS_M)
+        is None
+    )
 
 
 def test_what_hangs_overhead_and_two_stray_pixels_stop_nothing() -> None:
@@ -195,8 +200,8 @@ def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
 def test_what_an_image_of_a_map_shows_is_read_once_for_each_range() -> None:
     image = replace(observation_at(np.zeros(3), 0), depth=scene((0.9, 0.5, 0.3, 0.5)))
     for range_m in (1.5, 0.5):
-        points = map_points(image, LENS, range_m)
-        assert np.array_equal(points, obstacle_points(image.depth, LENS, range_m))
-        assert map_points(image, LENS, range_m) is points
+        points = map_points(image, LENS, range_m, height_m=HEIGHT_M)
+        assert np.array_equal(points, obstacle_points(image.depth, LENS, range_m, height_m=HEIGHT_M))
+        assert map_points(image, LENS, range_m, height_m=HEIGHT_M) is points
         with pytest.raises(ValueError, match="read-only"):
             points[:] = 0.0

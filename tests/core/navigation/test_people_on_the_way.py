@@ -93,8 +93,8 @@ def look(bystanders: Bystanders, person: tuple[float, float], pose: Pose, stamp:
     """Take in an image of the room with a person at a place; all that is seen of a person who `moved` has moved."""
     depth = depth_of(one_room().walls, np.array(person), pose)
     seen = points_within(depth, LOCOBOT.camera, 4.0)
-    solid = are_solid(seen)
-    scan = DepthScan.of(LOCOBOT.camera, stamp, pose, seen, solid)
+    solid = are_solid(seen, LOCOBOT.clear_height_m)
+    scan = DepthScan.of(LOCOBOT.camera, stamp, pose, seen, LOCOBOT.clear_height_m)
     points = transform_points(seen[solid, :2], pose)
     near = np.hypot(*(points - person).T) < 0.3
     bystanders.look(scan, points[near & moved])

@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import OptionError
 from ltvn_core.robots.robot import WallClock
-from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_spec import LOCOBOT, NeededSpace
 from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.types import Observation, Twist
 from tests.core.flat_world import FlatRobot, one_room
@@ -79,3 +79,17 @@ def test_what_is_kept_free_around_a_robot_is_its_radius_rounded_up() -> None:
 def test_a_robot_without_size_is_refused(change: dict[str, float]) -> None:
     with pytest.raises(OptionError, match="LoCoBot: a robot needs a radius"):
         replace(LOCOBOT, **change)
+
+
+def test_an_unknown_robot_is_as_large_as_a_locobot_but_no_lower_than_its_camera() -> None:
+    assert NeededSpace.assumed(LOCOBOT.camera) == LOCOBOT.needed_space
+    held = NeededSpace.assumed(replace(LOCOBOT.camera, height_m=1.3))
+    assert held.radius_m == LOCOBOT.clear_radius_m
+    assert 1.3 < held.height_m < 1.5
+
+
+def test_the_space_of_a_robot_is_read_back_from_the_settings_of_its_recording() -> None:
+    space = NeededSpace(0.25, 0.6)
+    assert NeededSpace.recorded({"verb": "collect", **space.to_config()}) == space
+    for wrong in ({}, {"needed_space": 3}, {"needed_space": {"radius_m": -1, "height_m": 2}}, {"needed_space": {}}):
+        assert NeededSpace.recorded(wrong) is None

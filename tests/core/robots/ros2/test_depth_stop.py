@@ -129,6 +129,22 @@ def test_a_wall_within_the_distance_stops_a_robot() -> None:
     assert "obstacle 0.26 m" in str(verdict(profile, room_depth(profile, near)))
 
 
+@pytest.mark.parametrize(
+    ("name", "up_m", "stops"),
+    [("locobot", 0.72, True), ("locobot", 0.82, True), ("nav2", 0.57, True), ("nav2", 0.64, False)],
+)
+def test_what_hangs_in_the_way_stops_a_robot_that_does_not_fit_below(name: str, up_m: float, *, stops: bool) -> None:
+    profile = open_profile(name)
+    depth = room_depth(profile)
+    camera = profile.mounted(LENS)
+    ahead_m = profile.body.radius_m + 0.27
+    pixels = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+    up = camera.unproject(pixels, np.full(pixels.shape[:2], ahead_m))[..., 2]
+    assert (np.abs(up - up_m) < 0.01).any()
+    depth[np.abs(up - up_m) < 0.01] = ahead_m
+    assert ("obstacle" in str(verdict(profile, depth))) == stops
+
+
 def test_a_camera_that_does_not_see_the_corridor_allows_nothing() -> None:
     profile = open_profile("turtlebot4")
     narrow = CameraModel.from_fov(160, 120, 0.3)

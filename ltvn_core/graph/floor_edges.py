@@ -5,7 +5,7 @@ that faces the wrong way first drives to where the drive turned, and a robot tha
 the drive. The corrected odometry gives the relative pose of two nodes, and the depth images show whether the floor
 between them is free. An edge is added only if it makes a path much shorter: a greedy spanner (Althöfer, Das, Dobkin,
 Joseph and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns the choice of these edges; `graph.free_floor`
-decides whether floor is free.
+decides whether floor is free, `graph.course_errors` whether odometry knows where both nodes are.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,6 +21,7 @@ from ltvn_core.config import Method
 from ltvn_core.geometry import distance
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.connectivity import cost_matrix
+from ltvn_core.graph.course_errors import CourseErrors
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
 from ltvn_core.graph.free_floor import LONGEST_M, WELL_KNOWN_M, FreeFloor
 from ltvn_core.graph.matching import Matches
@@ -40,9 +41,6 @@ _STRETCH = 1.2
 (`docs/results.md`)."""
 _LONG_STRETCH = 1.6
 """The same for a long edge: only a shortcut across a hall is worth driving so far without localising."""
-_MOST_DRIVEN_M = 60.0
-"""Greatest length of the path along the drive over which odometry still gives the relative pose of two nodes, in
-metres."""
 _DOUBTED = 0.5
 """p of an edge that odometry does not know well; it is driven only where the detour is long."""
 
@@ -59,12 +57,19 @@ def floor_edges(
     `progress` is called with the share of the pairs of nodes that are checked.
     """
     ways = _Ways.of(graph, method)
-    pairs = sorted(_pairs(graph, gate, floor, method), key=lambda pair: pair.matches.distances[0])
+    errors = CourseErrors(graph, gate)
+    pairs = sorted(_pairs(graph, gate, floor, errors, method), key=lambda pair: pair.matches.distances[0])
     for number, pair in enumerate(pairs):
         progress(number / len(pairs))
-        if ways.are_shortened_by(pair) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
+        if ways.are_shortened_by(pair) and _is_free(pair, floor, errors):
             ways.add(pair)
             yield from (pair.there, pair.back)
+
+
+def _is_free(pair: "_Pair", floor: FreeFloor, errors: CourseErrors) -> bool:
+    if errors.contradict(pair.source, pair.there.edge.target):
+        return False
+    return pair.is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +82,8 @@ class _Pair:
     back: EdgeAdded
     longest: float
     """Greatest cost of a path between the nodes that makes the edge superfluous."""
+    error_m: float
+    """Error of the second node's place, seen from the first."""
 
     @property
     def source(self) -> NodeId:
@@ -89,7 +96,9 @@ class _Pair:
         return bool(np.hypot(*self.matches.waypoints[0, :2]) <= _PLACE_M)
 
 
-def _pairs(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[_Pair]:
+def _pairs(
+    graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, errors: CourseErrors, method: Method
+) -> Iterator[_Pair]:
     """Yield each pair of near nodes once, if odometry gives their relative pose, the path between them is long, and the
     floor between them may be free."""
     nodes, costs = cost_matrix(graph, partial(edge_cost, config=method.planning))
@@ -109,12 +118,12 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method
         longest = np.where(away_m <= _LONG_M, _STRETCH, _LONG_STRETCH) * cost
         # The edges that are added later only shorten these paths.
         paths = dijkstra(costs, indices=k, limit=longest.max(initial=0.0))[others]
-        known = np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= LONGEST_M) & (paths > longest))
+        known = np.flatnonzero(errors.know(driven_m) & (away_m <= LONGEST_M) & (paths > longest))
         may_be_free = floor.may_join(rows[k], rows[others[known]], waypoints[known])
         for j in known[may_be_free | (away_m[known] <= _PLACE_M)]:
             matches = Matches.of_one(nodes[others[j]], most if is_sure[j] else _DOUBTED, waypoints[j])
             edges = bidirectional_edges(nodes[k], matches, method.believing, Cause.BUILD, by_odometry=True)
-            yield _Pair(matches, *edges, longest=float(longest[j]))
+            yield _Pair(matches, *edges, longest=float(longest[j]), error_m=float(errors.error_m(driven_m[j])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -73,9 +73,10 @@ class FreeFloor:
             seen[:, k] |= self._stretches[int(others[k])].grid.shows(transform_points(points[:, k], there))
         return np.logical_and.reduce(seen, axis=0)
 
-    def joins(self, source: NodeId, target: Matches) -> bool:
+    def joins(self, source: NodeId, target: Matches, *, error_m: float = 0.0) -> bool:
         """Tell whether images around both ends saw the straight line from a node to the only target free, with no
-        obstacle near it."""
+        obstacle near it; an error of the target's place needs more room."""
+        clear_m = self._space.radius_m + float(np.hypot(_MARGIN_M, error_m / 2))
         way = _along(target.waypoints[0, :2])
         (number,), (pose,) = self._gate.placed(self._gate.rows([source]))
         stretch = self._stretches[int(number)]
@@ -90,12 +91,12 @@ class FreeFloor:
         _, back_m = self._gate.seen_from(target.nodes[0], self._rows[images])
         path_m = np.minimum(driven_m, back_m)
         well = path_m <= WELL_KNOWN_M
-        if not self._seen_free(way, images[well], poses[well]).any(axis=0).all() or stretch.blocks(line, self._clear_m):
+        if not self._seen_free(way, images[well], poses[well]).any(axis=0).all() or stretch.blocks(line, clear_m):
             return False
         # A thing blocks the way however long ago it was seen.
         others = (self._stretch_of[images] != number) & np.isfinite(path_m)
         things = [transform_points(self._things[k], at) for k, at in zip(images[others], poses[others], strict=True)]
-        return not any(_least_m(way, each) <= self._clear_m for each in things)
+        return not any(_least_m(way, each) <= clear_m for each in things)
 
     def _elsewhere(self, source: NodeId) -> "_Elsewhere":
         """Return the images of other stretches that a line from a node may pass."""

@@ -143,6 +143,10 @@ class OdometryGate:
         driven, path_m = self._way(self._row[frame], rows)
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
 
+    def along_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the distances (N,) driven before the images in some rows (N,), in metres."""
+        return self._path_m[rows]
+
     def placed(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], Pose]:
         """Return the numbers (N,) of the stretches of unbroken odometry to which images in some rows (N,) belong, and
         their poses (N, 3) in the odometry frames of these stretches."""

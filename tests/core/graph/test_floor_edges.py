@@ -12,6 +12,7 @@ import trimesh
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.course_errors import CourseErrors
 from ltvn_core.graph.deltas import Cause, EdgeAdded, GraphDelta, NodeAdded
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
@@ -230,3 +231,40 @@ def _floor_without_things() -> Depth:
     with np.errstate(divide="ignore"):
         floor = np.where(down > 0, camera.height_m / down, 10.0)
     return np.repeat(floor[:, None], camera.width, axis=1).astype(np.float32)
+
+
+def recognised(images: Sequence[Observation], pairs: Sequence[tuple[int, int]], off: Sequence[float]) -> CourseErrors:
+    """Return the errors of a drive in which pairs of images are recognised `off` from where odometry has them."""
+    graph = chain(list(images))
+    for one, other in pairs:
+        waypoint = relative(images[one].odometry, images[other].odometry) + off
+        matches = Matches((images[other].step,), np.array([0.9]), waypoint[None], np.array([0.6]), np.ones(1, bool))
+        for added in bidirectional_edges(images[one].step, matches, ROBUST.believing, Cause.BUILD):
+            graph.apply(added)
+    return CourseErrors(graph, OdometryGate(images, ROBUST.building))
+
+
+def test_where_recognised_images_say_another_pose_than_odometry_nothing_rests_on_it() -> None:
+    images = there_and_back(count=8)
+    ends = images[1].step, images[14].step
+    assert recognised(images, [(0, 14), (2, 14)], (2.0, 0.0, 0.0)).contradict(*ends)
+    assert recognised(images, [(0, 14), (2, 14)], (0.0, 0.0, 0.6)).contradict(*ends)
+    assert not recognised(images, [(0, 14), (2, 14)], (0.1, 0.0, 0.0)).contradict(*ends)
+    assert not recognised(images, [(6, 9), (7, 9)], (2.0, 0.0, 0.0)).contradict(*ends)
+
+
+def test_a_drive_whose_odometry_drifts_knows_places_over_a_shorter_way() -> None:
+    images = there_and_back(count=16)
+    pairs = [(k, 31 - k) for k in range(11)] + [(k, 30 - k) for k in range(11)]
+    way_m = np.array([1.0, 4.0, 40.0, 200.0])
+    assert recognised(images, [], (0.0, 0.0, 0.0)).know(way_m).tolist() == [True, True, True, False]
+    assert recognised(images, pairs, (0.4, 0.0, 0.0)).know(way_m).tolist() == [True, True, False, False]
+
+
+def test_a_place_that_is_not_known_well_needs_more_room(tmp_path: Path) -> None:
+    images = seen_in_hall_with(tmp_path, [[2.8, 2.36, 0.0], [3.2, 3.0, 1.0]], ACROSS)
+    gate = OdometryGate(images, ROBUST.building)
+    floor = FreeFloor(images, LOCOBOT.camera, gate, LOCOBOT.needed_space)
+    target = Matches.of_one(30, 0.8, relative(images[0].odometry, images[3].odometry))
+    assert floor.joins(0, target)
+    assert not floor.joins(0, target, error_m=0.4)

@@ -7,9 +7,10 @@ odometry is accurate over such a short way. All bridges are ours. Owns which ima
 
 import itertools
 from collections.abc import Collection, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.geometry import distance
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
@@ -58,42 +59,48 @@ class BridgeSearch:
         self._odometry_gate = odometry_gate
         self._loop_closures = loop_closures
         self._thresholds = thresholds
-        self._asked: dict[FrameId, set[FrameId]] = {}
+        self._asked: dict[FrameId, NDArray[np.intp]] = {}
+        """For each image the rows of the few beside it that it was compared with while both were left over."""
+        self._is_judged = np.zeros(len(self._frames), bool)
+        """(N,) whether each left-over image was compared with those beside it; goals are not."""
         steps = [odometry_gate.driven(*pair) for pair in itertools.pairwise(self._frames)]
         lengths = [np.inf if step is None else float(distance(step)) for step in steps]
         self._driven = np.concatenate([[0.0], np.cumsum(np.minimum(lengths, _BROKEN))])
         """(N,) d driven before each image."""
 
-    def by_merged_image(self, frame: FrameId, merged: Collection[FrameId]) -> Bridge | None:
-        """Return the bridge from a left-over image to the most reachable merged image; None if it can be connected with
-        none.
+    def by_merged_image(self, frame: FrameId, merged: NDArray[np.int32]) -> Bridge | None:
+        """Return the bridge from a left-over image to the most reachable one of the merged images in some rows, which
+        it was not compared with yet; None if it can be connected with none.
 
         An image near in time is preferred, because two images near in time are hardly ever perceptual aliases.
         """
-        beside = [other for other in self._beside(frame, REACH) if other in merged]
-        return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
+        merged = np.sort(merged[~np.isin(merged, self._asked.get(frame, ()))])
+        is_beside = np.abs(merged - self._row[frame]) <= REACH
+        return self._recognised(frame, merged[is_beside]) or self._recognised(frame, merged[~is_beside])
 
-    def by_odometry(
-        self, left: Collection[FrameId], placed: Collection[FrameId], goals: Collection[FrameId]
-    ) -> tuple[Bridge, ...]:
+    def by_odometry(self, left: NDArray[np.bool_], goals: Collection[FrameId]) -> tuple[Bridge, ...]:
         """Return the shortest chain of bridges by odometry from a node or a merged image to a left-over image, in the
         order to cross them; none if there is none.
 
-        The left-over image must be a goal, or recognised from another left-over image near it in time. Otherwise no
-        other image could join the map through it.
+        `left` (N,) tells which images are left over; all others are nodes or merged. The left-over image must be a
+        goal, or recognised from another left-over image near it in time. Otherwise no other image could join the map
+        through it.
         """
-        for frame, step in self._nearest_first(left, placed):
-            beside = [other for other in self._beside(frame, _BESIDE) if other in left]
-            is_useful = frame in goals or self._recognised(frame, beside) is not None
-            if is_useful and (chain := self._chain(frame, placed, step)):
+        candidates = left & ~self._is_judged
+        for row, step in self._nearest_first(np.flatnonzero(candidates), np.flatnonzero(~left)):
+            frame = self._frames[row]
+            is_useful = frame in goals
+            if not is_useful:
+                self._is_judged[row] = True
+                self._asked[frame] = self._beside(frame, left)
+                is_useful = self._recognised(frame, self._asked[frame]) is not None
+            if is_useful and (chain := self._chain(frame, left, step)):
                 return chain
         return ()
 
-    def _nearest_first(self, left: Collection[FrameId], placed: Collection[FrameId]) -> Iterator[tuple[FrameId, int]]:
-        """Yield the left-over images in reach of a placed one, the nearest along the drive first, each with -1 if the
-        placed image comes before it, or 1 if it comes after it."""
-        rows = np.array([self._row[frame] for frame in left], np.intp)
-        ends = np.sort([self._row[frame] for frame in placed]).astype(np.intp)
+    def _nearest_first(self, rows: NDArray[np.intp], ends: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
+        """Yield the rows of left-over images in reach of a placed one, the nearest along the drive first, each with -1
+        if the placed image comes before it, or 1 if it comes after it."""
         after = np.searchsorted(ends, rows)
         driven = np.concatenate([[-np.inf], self._driven[ends], [np.inf]])
         gaps = np.stack([self._driven[rows] - driven[after], driven[after + 1] - self._driven[rows]])
@@ -101,21 +108,21 @@ class BridgeSearch:
         for k in np.lexsort((rows, nearest)):
             if nearest[k] >= _MOST_HOPS * self._thresholds.connect_distance:
                 return
-            yield self._frames[rows[k]], -1 if gaps[0, k] <= gaps[1, k] else 1
+            yield int(rows[k]), -1 if gaps[0, k] <= gaps[1, k] else 1
 
-    def _chain(self, frame: FrameId, placed: Collection[FrameId], step: int) -> tuple[Bridge, ...]:
+    def _chain(self, frame: FrameId, left: NDArray[np.bool_], step: int) -> tuple[Bridge, ...]:
         """Follow odometry from an image to the next placed one, backwards or forwards in time, in the longest hops."""
         bridges = list[Bridge]()
         here = frame
-        while here not in placed:
-            hops = [*self._hops(here, placed, step)]
+        while left[self._row[here]]:
+            hops = [*self._hops(here, left, step)]
             if not hops or len(bridges) == _MOST_HOPS:
                 return ()
             bridges.append(hops[-1])
             (here,) = hops[-1].matches.nodes
         return tuple(reversed(bridges))
 
-    def _hops(self, frame: FrameId, placed: Collection[FrameId], step: int) -> Iterator[Bridge]:
+    def _hops(self, frame: FrameId, left: NDArray[np.bool_], step: int) -> Iterator[Bridge]:
         """Yield bridges from an image to those before or after it, nearest in time first, up to the next placed one."""
         row = self._row[frame] + step
         while 0 <= row < len(self._frames):
@@ -125,22 +132,22 @@ class BridgeSearch:
                 return
             # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
             yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)
-            if other in placed:
+            if not left[row]:
                 return
             row += step
 
-    def _beside(self, frame: FrameId, reach: int) -> Sequence[FrameId]:
-        """Return up to `reach` frames before and after a frame, without itself."""
+    def _beside(self, frame: FrameId, left: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the rows of left-over images shortly before and after a frame, without itself."""
         row = self._row[frame]
-        return [*self._frames[max(row - reach, 0) : row], *self._frames[row + 1 : row + 1 + reach]]
+        first = max(row - _BESIDE, 0)
+        rows = first + np.flatnonzero(left[first : row + 1 + _BESIDE])
+        return rows[rows != row]
 
-    def _recognised(self, frame: FrameId, others: Sequence[FrameId]) -> Bridge | None:
-        asked = self._asked.setdefault(frame, set())
-        unasked = [other for other in others if other not in asked]
-        if not unasked:
+    def _recognised(self, frame: FrameId, rows: NDArray[np.integer[Any]]) -> Bridge | None:
+        """Return the bridge from an image to the most reachable one of those in some rows; None if none is."""
+        fresh = self._odometry_gate.may_be_near(frame, [self._frames[row] for row in rows])
+        if not fresh:
             return None
-        asked.update(unasked)  # Those that are too far away now will be as well in the next pass.
-        fresh = self._odometry_gate.may_be_near(frame, unasked)
         found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
         found = found.take(self._odometry_gate.plausible(frame, found))
         found = self._loop_closures.connections(frame, found, self._thresholds)

@@ -4,16 +4,17 @@ Owns the passes over the images. Every image is encoded once and compared with e
 two operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from enum import Enum, auto
+from enum import IntEnum, auto
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
 
 from ltvn_core.config import Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
-from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
@@ -22,6 +23,7 @@ from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.newcomers import Newcomers
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import (
     OperatorThresholds,
@@ -37,6 +39,8 @@ from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _NEAR_IN_TIME = 12
+_AHEAD = 512
+"""Number of images among which the next one to be tried is searched at once."""
 
 ProgressCallback = Callable[[int, int], None]
 """Called with the number of images done and the number of all images."""
@@ -129,8 +133,8 @@ def _no_progress(done: int, total: int) -> None:
     """Show no progress."""
 
 
-class _Stage(Enum):
-    """How an image may enter the map."""
+class _Stage(IntEnum):
+    """How an image may enter the map. What the stages before allow, a stage allows too."""
 
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
@@ -152,7 +156,11 @@ class _BuildRun:
         method: Method,
         goals: Collection[FrameId],
     ) -> None:
-        self._observations = observations
+        self._images = sorted(observations, key=lambda seen: seen.step)
+        """All N images; arrays name an image by its row here."""
+        self._row = {seen.step: row for row, seen in enumerate(self._images)}
+        self._drive = np.array([matcher.keyframes.drive_of(seen.step) for seen in self._images])
+        self._is_goal = np.isin([*self._row], [*goals])
         self._matcher = matcher
         self._loop_closures = loop_closures
         self._odometry_gate = odometry_gate
@@ -165,15 +173,23 @@ class _BuildRun:
         self._deltas: list[GraphDelta] = []
         self.nodes: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
-        self._left = list(observations)
-        self._met: dict[FrameId, int] = {}
+        self._left = np.array([self._row[seen.step] for seen in observations], np.intp)
+        self._waiting = np.zeros((len(_Stage), len(observations)), bool)
+        """For each stage and image, whether something changed that the stage allows to use and that was not tried."""
+        self._new_nodes = Newcomers(odometry_gate, self._waiting[_Stage.FIRST - 1])
+        self._newly_merged = Newcomers(odometry_gate, self._waiting[_Stage.BRIDGES - 1])
         self._known: dict[FrameId, Matches] = {}
+        self._pieces = DisjointSet()
+        """Nodes and merged images; all edges lead both ways."""
+        self._most_in_piece = 0
+        self._drives_left = set(self._drive.tolist())
+        """Drives without an image in the map."""
 
     @property
     def reserve(self) -> tuple[FrameId, ...]:
         """T' after the run: images never connected, and merged ones if they are kept."""
         merged = self._merged if self._method.building.keep_merged else []
-        return tuple(sorted([*(seen.step for seen in self._left), *merged]))
+        return tuple(sorted([*(self._images[row].step for row in self._left), *merged]))
 
     def finish(self) -> tuple[GraphDelta, ...]:
         """Return the history of the run."""
@@ -187,54 +203,51 @@ class _BuildRun:
         An image that cannot be joined cuts off all images behind it. With a single start, chance would decide whether
         the map is the largest piece of the drive or a small one.
         """
-        start: Observation | None = self._first_start(rng)
+        start: int | None = int(self._goals_first(self._shuffled(rng))[0])
         while start is not None:
-            self._enter([NodeAdded(node_from_observation(start), Cause.BUILD)])
-            self._left = [seen for seen in self._left if seen is not start]
+            self._enter([NodeAdded(node_from_observation(self._images[start]), Cause.BUILD)])
+            self._left = self._left[self._left != start]
             self._grow_all(rng, progress)
             start = self._start_elsewhere(rng)
 
     def keep_largest_pieces(self) -> None:
         """Drop each piece of the map that is not the largest piece of any drive; its images are left over again."""
-        pieces = self._pieces()
-        drive_of = self._matcher.keyframes.drive_of
-        drives = {drive_of(seen.step) for seen in self._observations}
-        kept = set[FrameId]().union(
-            *(max(pieces, key=lambda piece: sum(drive_of(frame) == drive for frame in piece)) for drive in drives)
-        )
+        pieces = sorted(self._pieces.subsets(), key=self._largest_first)
+        shares = [np.bincount(self._drive[self._rows(piece)], minlength=self._drive.max() + 1) for piece in pieces]
+        largest = np.argmax(shares, axis=0)[np.unique(self._drive)]
+        kept = set[FrameId]().union(*(pieces[number] for number in largest))
         dropped = set[FrameId]().union(*pieces) - kept
         if not dropped:
             return
         self._deltas = [delta for delta in self._deltas if _added_node(delta) not in dropped]
         self.nodes = {node: None for node in self.nodes if node in kept}
         self._merged = {frame: found for frame, found in self._merged.items() if frame in kept}
-        self._left += [seen for seen in self._observations if seen.step in dropped]
+        self._left = np.concatenate([self._left, self._rows(dropped)])
 
-    def _first_start(self, rng: np.random.Generator) -> Observation:
-        """Draw the first node, one of the goals if there are any."""
-        order = [self._observations[k] for k in rng.permutation(len(self._observations))]
-        return min(order, key=lambda seen: seen.step not in self._goals)
+    def _largest_first(self, piece: set[FrameId]) -> tuple[int, int, list[NodeId]]:
+        nodes = sorted(frame for frame in piece if frame in self.nodes)
+        return -len(piece), -len(nodes), nodes
 
-    def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
+    def _rows(self, frames: Iterable[FrameId]) -> NDArray[np.intp]:
+        return np.array([self._row[frame] for frame in frames], np.intp)
+
+    def _shuffled(self, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Return the rows of the images left over in random order."""
+        return self._left[rng.permutation(len(self._left))]
+
+    def _goals_first(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        return np.concatenate([rows[self._is_goal[rows]], rows[~self._is_goal[rows]]])
+
+    def _start_elsewhere(self, rng: np.random.Generator) -> int | None:
         """Draw an image that starts another piece of the map; None if no other piece is needed.
 
         The image is drawn from the drives that have no image in the map yet. Otherwise it is drawn from all left-over
         images, if these outnumber the images of the largest piece.
         """
-        drive_of = self._matcher.keyframes.drive_of
-        placed = {drive_of(frame) for frame in (*self.nodes, *self._merged)}
-        left = [seen for seen in self._left if drive_of(seen.step) not in placed]
-        if not left and self._method.building.largest_piece and len(self._left) > len(self._pieces()[0]):
+        left = self._left[np.isin(self._drive[self._left], [*self._drives_left])]
+        if not len(left) and self._method.building.largest_piece and len(self._left) > self._most_in_piece:
             left = self._left
-        return left[rng.integers(len(left))] if left else None
-
-    def _pieces(self) -> list[set[FrameId]]:
-        """Return the nodes of each piece with the images that merged with them, the largest piece first."""
-        pieces = [set(piece) for piece in strongly_connected_components(TopologicalGraph(self._deltas))]
-        merged = [(frame, int(found.nodes[0])) for frame, found in self._merged.items()]
-        for piece in pieces:
-            piece.update([frame for frame, node in merged if node in piece])
-        return sorted(pieces, key=len, reverse=True)
+        return int(left[rng.integers(len(left))]) if len(left) else None
 
     def _grow_all(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
         config = self._method.building
@@ -248,12 +261,14 @@ class _BuildRun:
         while chain := self._bridges_by_odometry():
             for bridge in chain:
                 self._cross(bridge)
-            self._left = [seen for seen in self._left if seen.step not in self.nodes]
+            crossed = self._rows(bridge.frame for bridge in chain)
+            self._left = self._left[~np.isin(self._left, crossed)]
             self._grow(_Stage.BRIDGES, rng, progress)
 
     def _bridges_by_odometry(self) -> tuple[Bridge, ...]:
-        left = {seen.step for seen in self._left}
-        return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys(), self._goals)
+        is_left = np.zeros(len(self._images), bool)
+        is_left[self._left] = True
+        return self._bridges.by_odometry(is_left, self._goals)
 
     def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
         """Pass over the images until a pass adds no node; in the last stage, until a pass neither adds a node nor
@@ -264,31 +279,64 @@ class _BuildRun:
             self._pass(stage, rng, progress)
 
     def _pass(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        total = len(self._observations)
-        order = [self._left[k] for k in rng.permutation(len(self._left))]
-        order.sort(key=lambda seen: seen.step not in self._goals)
-        left = []
-        for k, seen in enumerate(order):
-            if not self._consumed(seen, stage):
-                left.append(seen)
-            progress(total - len(order) + k + 1 - len(left), total)
-        self._left = left
+        total = len(self._images)
+        order = self._goals_first(self._shuffled(rng))
+        is_left = np.ones(len(order), bool)
+        consumed = total - len(order)
+        for place in self._waiting_places(order, stage):
+            if self._consumed(int(order[place]), stage):
+                is_left[place] = False
+                consumed += 1
+            progress(consumed, total)
+        self._left = order[is_left]
 
-    def _consumed(self, seen: Observation, stage: _Stage) -> bool:
+    def _waiting_places(self, order: NDArray[np.intp], stage: _Stage) -> Iterator[int]:
+        """Yield the place in an order of each image for which something changed, when its turn comes.
+
+        All other images would fail as they failed before. Images that enter the map wake others behind them.
+        """
+        waiting = self._waiting[:stage]
+        place = 0
+        while place < len(order):
+            ahead = waiting[:, order[place : place + _AHEAD]].any(axis=0)
+            step = int(ahead.argmax())
+            if ahead[step]:
+                yield place + step
+                place += step + 1
+            else:
+                place += len(ahead)
+
+    def _consumed(self, row: int, stage: _Stage) -> bool:
         """Merge, connect or bridge an image; tell whether one of these succeeded."""
-        for fresh in self._not_met(seen.step):
+        seen = self._images[row]
+        for fresh in self._not_met(row):
             found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
             found = found.take(self._odometry_gate.plausible(seen.step, found))
             if (
                 seen.step not in self._goals
                 and (merging := nearest_mergeable(seen.step, found, self._matcher, self._thresholds)) is not None
             ):
-                self._merged[seen.step] = merging
+                self._merge(seen.step, merging)
                 return True
             self._remember(seen.step, found)
+        if seen.step in self._known and self._connected(row, stage):
+            return True
+        if stage is not _Stage.BRIDGES:
+            return False
+        bridge = self._bridges.by_merged_image(seen.step, self._newly_merged.met_by(row))
+        if bridge is not None:
+            self._cross(bridge)
+        return bridge is not None
+
+    def _connected(self, row: int, stage: _Stage) -> bool:
+        """Connect an image with the nodes that it recognised; tell whether that succeeded."""
+        seen = self._images[row]
         known = self._known[seen.step]
         thresholds = self._thresholds if stage is _Stage.FIRST else self._second_pass_thresholds
+        self._waiting[_Stage.SECOND - 1, row] = stage is _Stage.FIRST
         near = connectable(known, thresholds)
+        if not near.any():
+            return False
         trusted = self._loop_closures.supported(seen.step, known.take(near), thresholds)
         chosen = trusted.take(connectable(trusted, thresholds))
         if stage is not _Stage.FIRST:
@@ -298,10 +346,7 @@ class _BuildRun:
             self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
             return True
         known.reachability[near] = trusted.reachability  # A pair is compared in full only once.
-        bridge = self._bridges.by_merged_image(seen.step, self._merged) if stage is _Stage.BRIDGES else None
-        if bridge is not None:
-            self._cross(bridge)
-        return bridge is not None
+        return False
 
     def _cross(self, bridge: Bridge) -> None:
         """Make a left-over image a node, and also the merged image that it is bridged to."""
@@ -310,19 +355,20 @@ class _BuildRun:
         config = self._method.believing
         if other in self._merged:
             merging = self._merged.pop(other)
+            self._newly_merged.leave(self._row[other])
             self._enter(node_with_edges(keyframes.observation(other), merging, config, Cause.BUILD))
         seen = keyframes.observation(bridge.frame)
         self._enter(node_with_edges(seen, bridge.matches, config, Cause.BUILD, by_odometry=bridge.by_odometry))
 
-    def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
-        """Yield the nodes that a frame was not compared with yet, those near in time first, because most images merge
+    def _not_met(self, row: int) -> Iterator[tuple[NodeId, ...]]:
+        """Yield the nodes that an image was not compared with yet, those near in time first, because most images merge
         with one of these.
 
-        If there are many other nodes, only those that may look like the frame are included.
+        If there are many other nodes, only those that may look like the image are included.
         """
-        nodes = tuple(self.nodes)
-        fresh = self._odometry_gate.may_be_near(frame, nodes[self._met.get(frame, 0) :])
-        self._met[frame] = len(nodes)
+        frame = self._images[row].step
+        nodes = [self._images[other].step for other in self._new_nodes.met_by(row)]
+        fresh = self._odometry_gate.may_be_near(frame, nodes)
         if len(fresh) <= 2 * _NEAR_IN_TIME:
             yield fresh
             return
@@ -334,9 +380,30 @@ class _BuildRun:
         found = found.take(connectable(found, self._second_pass_thresholds))
         self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
 
+    def _merge(self, frame: FrameId, merging: Matches) -> None:
+        self._merged[frame] = merging
+        self._newly_merged.enter(self._row[frame])
+        self._join(frame, merging.nodes[0])
+
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)
-        self.nodes.update((delta.node.id, None) for delta in deltas if isinstance(delta, NodeAdded))
+        for delta in deltas:
+            match delta:
+                case NodeAdded(node=node):
+                    self.nodes[node.id] = None
+                    self._new_nodes.enter(self._row[node.id])
+                    self._join(node.id, node.id)
+                case EdgeAdded(edge=edge):
+                    self._join(edge.source, edge.target)
+                case _:
+                    pass
+
+    def _join(self, frame: FrameId, other: FrameId) -> None:
+        """Note that an image belongs to the piece of another one, which is in the map or the same image."""
+        self._pieces.add(frame)
+        self._pieces.merge(frame, other)
+        self._most_in_piece = max(self._most_in_piece, self._pieces.subset_size(frame))
+        self._drives_left.discard(int(self._drive[self._row[frame]]))
 
 
 def _added_node(delta: GraphDelta) -> NodeId | None:

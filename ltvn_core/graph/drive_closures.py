@@ -150,7 +150,7 @@ class ClosureSearch:
         corrected = dict[FrameId, Observation]()
         closures = list[DriveLink]()
         for stretch in self._stretches():
-            seen, agreed = self._closed_stretch(stretch)
+            seen, agreed = self._closed_stretch(stretch, len(corrected))
             corrected |= {each.step: each for each in seen}
             closures += agreed
         return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures))
@@ -165,22 +165,25 @@ class ClosureSearch:
             stretch.append(seen)
         yield stretch
 
-    def _closed_stretch(self, stretch: Sequence[Observation]) -> ClosedDrives:
-        """Correct a stretch while searching it, so that later images are compared only with near ones."""
+    def _closed_stretch(self, stretch: Sequence[Observation], done: int) -> ClosedDrives:
+        """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images
+        are in the stretches before."""
         odometry = np.array([seen.odometry for seen in stretch])
         rows = _key_rows(odometry)
-        keys = [stretch[row].step for row in rows]
         driven_m = _driven_m(odometry)[rows]
+        earlier = np.searchsorted(driven_m, driven_m - _AGAIN_M)
+        is_key = np.isin(np.arange(len(stretch)), rows)
         closed = ClosedDrives(stretch, ())
-        gate = self.gate
+        gate = OdometryGate(stretch, self.config)
         found = list[DriveLink]()
-        for first in range(0, len(keys), _BATCH):
-            fresh = [
-                link
-                for k in range(first, min(first + _BATCH, len(keys)))
-                for link in self._again(k, keys, driven_m, gate)
-            ]
-            self.progress(self._share(keys[min(first + _BATCH, len(keys)) - 1]))
+        for first in range(0, len(rows), _BATCH):
+            batch = slice(first, first + _BATCH)
+            fresh = list[DriveLink]()
+            for row, before in zip(rows[batch].tolist(), rows[earlier[batch]].tolist(), strict=True):
+                near = gate.near_rows(row)
+                near = near[is_key[near] & (near < before)]
+                fresh += self._again(stretch[row].step, [stretch[other].step for other in near.tolist()], gate)
+            self.progress((done + int(rows[batch][-1]) + 1) / len(self.observations))
             if not fresh:
                 continue
             found += fresh
@@ -188,15 +191,8 @@ class ClosureSearch:
             gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
         return closed
 
-    def _share(self, frame: FrameId) -> float:
-        return sum(seen.step <= frame for seen in self.observations) / len(self.observations)
-
-    def _again(
-        self, row: int, keys: Sequence[FrameId], driven_m: NDArray[np.float64], gate: OdometryGate
-    ) -> list[DriveLink]:
+    def _again(self, frame: FrameId, earlier: Sequence[FrameId], gate: OdometryGate) -> list[DriveLink]:
         """Return the loop closures from a key image to earlier images, verified along both stretches of driving."""
-        frame = keys[row]
-        earlier = keys[: int(np.searchsorted(driven_m, driven_m[row] - _AGAIN_M))]
         others = self.matcher.promising(frame, gate.may_be_near(frame, earlier))
         return surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
 
@@ -226,8 +222,10 @@ def _shares(driven_m: NDArray[np.float64]) -> NDArray[np.float64]:
     If an image is mistaken for another place, so are its neighbours. So many nearby closures together have only the
     weight of a few.
     """
-    near = np.abs(driven_m[:, None] - driven_m) < _SAME_STRETCH_M
-    return np.minimum(1.0, _MOST_IN_STRETCH / near.sum(axis=1))
+    ordered = np.sort(driven_m)
+    first = np.searchsorted(ordered, driven_m - _SAME_STRETCH_M, side="right")
+    after = np.searchsorted(ordered, driven_m + _SAME_STRETCH_M)
+    return np.minimum(1.0, _MOST_IN_STRETCH / (after - first))
 
 
 def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:

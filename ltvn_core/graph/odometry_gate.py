@@ -9,7 +9,7 @@ odometry of the other (`maps.joined_drives`). A drive whose odometry never moves
 from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,16 @@ noticing."""
 _DRIFT_RAD_PER_M = 0.02
 _STEP_M = 0.05
 """Length that a closure adds to a path along the drive, in metres."""
+_ROUNDING = 1e-3
+"""Differences between the two directions of a pair, in metres: paths between closures have single precision."""
+_OTHER_LINK = 3.0
+"""Factor of the allowance within which two links agree on a pose: each may be wrong by the allowance."""
+_RUN_LENGTHS = (1024, 32)
+"""Numbers of consecutive images that are excluded together where they are too far away: first long runs, then short
+ones within the others."""
+_MOST_ROWS_REMEMBERED, _MOST_BYTES_REMEMBERED = 2**25, 2**28
+"""Number of near images that a gate remembers, and memory for the ways between its closures. Beyond it they are
+computed again, because a gate in which too little is certain would need memory for all pairs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +86,10 @@ class OdometryGate:
         self._moves = _moves(self._poses, self._drive)
         breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
+        steps = zip(_RUN_LENGTHS, (*_RUN_LENGTHS[1:], 1), strict=True)
+        self._runs = [_Runs.of(self._poses, self._path_m, self._segment, *each) for each in steps]
+        self._near: dict[int, NDArray[np.int32]] = {}
+        self._remembered = 0
         self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
         self._links = _Links.of(links or (), self._row)
@@ -90,7 +104,53 @@ class OdometryGate:
         gate = copy(self)
         gate._links = _Links.of(links, self._row)
         gate._separates = True
+        gate._near = {}
+        gate._remembered = 0
         return gate
+
+    def near_rows(self, row: int) -> NDArray[np.int32]:
+        """Return the rows (K,), in order, of all images that could be within D_c or D_m of the image in a row, itself
+        included, and of a few others: `may_be_near` excludes those.
+
+        The cost grows with their number, not with that of all images.
+        """
+        if not self._config.odometry_drift:
+            return np.arange(len(self._poses), dtype=np.int32)
+        if row not in self._near:
+            if self._remembered > _MOST_ROWS_REMEMBERED:
+                self._near.clear()
+                self._remembered = 0
+            near = self._around(row)
+            self._near[row] = near
+            self._remembered += len(near)
+        return self._near[row]
+
+    def _around(self, row: int) -> NDArray[np.int32]:
+        rows = self._runs[0].first
+        for runs in self._runs:
+            numbers = np.searchsorted(runs.first, rows)
+            near = self._may_lie_near(row, rows, runs.radius_m[numbers], runs.driven_m[numbers])
+            rows = runs.members(numbers[near])
+        return rows[self._may_lie_near(row, rows)].astype(np.int32)
+
+    def _may_lie_near(
+        self,
+        here: int,
+        there: NDArray[np.intp],
+        radius_m: NDArray[np.float64] | float = _ROUNDING,
+        driven_m: NDArray[np.float64] | float = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Tell (N,) whether some image that lies within a radius of that in a row of `there` (N,), and at most so far
+        along the drive, could be near the image in row `here`."""
+        same = self._segment[there] == self._segment[here]
+        if same.all():
+            places, path_m = self._poses[there, :2] - self._poses[here, :2], self._ways.between(here, there)
+        else:
+            driven, path_m = self._way(here, there)
+            places = driven[:, :2]
+        # Another link may give another relative pose of such an image, or give it from the other side.
+        allowance_m = self._allowance_m(path_m + driven_m) * np.where(same, 1.0, _OTHER_LINK)
+        return np.hypot(places[:, 0], places[:, 1]) - radius_m <= self._reach_m + allowance_m
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""
@@ -99,10 +159,9 @@ class OdometryGate:
         here = self._row[frame]
         there = self.rows(nodes)
         driven, path_m = self._way(here, there)
-        reach = max(self._config.connect_distance, self._config.merge_distance)
-        near = np.hypot(driven[:, 0], driven[:, 1]) <= reach + self._allowance_m(path_m)
+        near = np.hypot(driven[:, 0], driven[:, 1]) <= self._reach_m + self._allowance_m(path_m)
         # d is at least sqrt(2) per radian, so an image that is turned far enough is too far away as well.
-        near &= np.abs(wrap_angle(driven[:, 2])) <= reach / np.sqrt(2) + self._allowance_rad(path_m)
+        near &= np.abs(wrap_angle(driven[:, 2])) <= self._reach_m / np.sqrt(2) + self._allowance_rad(path_m)
         return tuple(node for node, is_near in zip(nodes, near, strict=True) if is_near)
 
     def plausible(self, frame: FrameId, matches: Matches) -> NDArray[np.bool_]:
@@ -188,12 +247,50 @@ class OdometryGate:
         path_m[other] = lengths[best, np.flatnonzero(linked)]
         return driven, path_m
 
+    @property
+    def _reach_m(self) -> float:
+        return max(self._config.connect_distance, self._config.merge_distance)
+
     def _allowance_m(self, path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_M + self._config.odometry_drift * path_m
 
     @staticmethod
     def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
+
+
+class _Runs(NamedTuple):
+    """R runs of consecutive images within one stretch of odometry."""
+
+    first: NDArray[np.intp]
+    """(R,) rows of their first images."""
+    images: NDArray[np.intp]
+    """(R,) numbers of images."""
+    radius_m: NDArray[np.float64]
+    """(R,) greatest distances of an image from the first."""
+    driven_m: NDArray[np.float64]
+    """(R,) distances driven along them."""
+    step: int
+    """Length of the runs into which these are divided."""
+
+    @classmethod
+    def of(cls, poses: Pose, path_m: NDArray[np.float64], segment: NDArray[np.intp], length: int, step: int) -> Self:
+        """Divide images at poses (N, 3), after (N,) metres of driving, within the stretches (N,) to which they
+        belong."""
+        rows = np.arange(len(poses))
+        begins = np.diff(segment, prepend=-1) > 0
+        within = rows - np.maximum.accumulate(np.where(begins, rows, 0))
+        first = np.flatnonzero(within % length == 0)
+        count = np.diff(first, append=len(poses))
+        away_m = np.hypot(*(poses[:, :2] - np.repeat(poses[first, :2], count, axis=0)).T)
+        driven_m = path_m[first + count - 1] - path_m[first] + count * _STEP_M  # Each step between closures counts so.
+        return cls(first, count, np.maximum.reduceat(away_m, first) + _ROUNDING, driven_m, step)
+
+    def members(self, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the rows of the first images of all runs into which some of these (K,) are divided."""
+        counts = -(-self.images[numbers] // self.step)
+        place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        return np.repeat(self.first[numbers], counts) + self.step * place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,6 +332,9 @@ class _ShortestWays:
         lengths = np.maximum(lengths, _STEP_M)  # A sparse graph would treat a length of zero as a missing edge.
         self._steps = csr_array(coo_array((lengths, (first, second)), shape=(len(self._ends), len(self._ends))))
         self._from_end: dict[int, NDArray[np.float32]] = {}
+        after = np.minimum(np.searchsorted(self._ends, np.arange(len(path_m))), len(self._ends) - 1)
+        self._beside = [(k, np.abs(path_m[self._ends[k]] - path_m)) for k in (np.maximum(after - 1, 0), after)]
+        """The nearest closures (N,) before and after each row, and the distances (N,) to them in metres."""
 
     def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the lengths (M,) of the shortest paths from one row to others, in metres."""
@@ -245,22 +345,18 @@ class _ShortestWays:
         shortest = np.abs(self._path_m[there] - self._path_m[here][:, None])
         if not len(self._ends):
             return shortest
-        for own, to_m in self._beside(here):
-            onward = np.stack([self._ways_from(int(end)) for end in own])
-            for far, from_m in self._beside(there):
-                shortest = np.minimum(shortest, to_m[:, None] + onward[:, far] + from_m)
+        for own, to_m in self._beside:
+            onward = np.stack([self._ways_from(end) for end in own[here].tolist()])
+            for far, from_m in self._beside:
+                np.minimum(shortest, to_m[here, None] + onward[:, far[there]] + from_m[there], out=shortest)
         return shortest
 
     def _ways_from(self, end: int) -> NDArray[np.float32]:
         if end not in self._from_end:
+            if len(self._from_end) * len(self._ends) * 4 > _MOST_BYTES_REMEMBERED:
+                del self._from_end[next(iter(self._from_end))]
             self._from_end[end] = dijkstra(self._steps, directed=False, indices=end).astype(np.float32)
         return self._from_end[end]
-
-    def _beside(self, rows: NDArray[np.intp]) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], ...]:
-        """Return the nearest closure before and after each row (M,), and the distances to them in metres."""
-        after = np.minimum(np.searchsorted(self._ends, rows), len(self._ends) - 1)
-        before = np.maximum(after - 1, 0)
-        return tuple((k, np.abs(self._path_m[self._ends[k]] - self._path_m[rows])) for k in (before, after))
 
 
 def _moves(poses: Pose, drive: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -1,0 +1,95 @@
+"""A map of a drive eight times as long asks about eight times as many pairs, also where it falls into many pieces."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import relative
+from ltvn_core.graph import odometry_gate
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.types import Features, Observation, Pose, Prediction
+from tests.core.flat_world import FlatPredictor, one_room
+
+METHOD = replace(ROBUST, building=replace(ROBUST.building, floor_edges=False))
+ROOM_M, CORRIDOR_M = 2.0, 13.0
+STEP_M, TURN_RAD = 0.25, np.pi / 6
+PICTURE = np.zeros((72, 96, 3), np.uint8)
+MOST_GROWTH = 1.3
+
+
+class DarkCorridors(FlatPredictor):
+    """Recognises images of one room that were taken near each other, and none of a corridor."""
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        first, second = np.broadcast_arrays(sources[:, :3], targets[:, :3])
+        self.compared += len(first)
+        waypoints = relative(first, second)
+        dark = np.maximum(first[:, 0], second[:, 0]) % (ROOM_M + CORRIDOR_M) > ROOM_M + STEP_M / 2
+        seen = (np.hypot(waypoints[:, 0], waypoints[:, 1]) < 2 * STEP_M) & (np.abs(waypoints[:, 2]) < TURN_RAD) & ~dark
+        return Prediction(np.where(seen, 0.95, 0.05), waypoints)
+
+
+def poses_round_rooms(count: int) -> Iterator[Pose]:
+    """Yield the poses of a drive twice round each of some rooms in a row."""
+    for number in range(count):
+        pose = np.array([number * (ROOM_M + CORRIDOR_M), 0.0, 0.0])
+        for _ in range(8):
+            for _ in range(round(ROOM_M / STEP_M)):
+                yield pose.copy()
+                pose[:2] += STEP_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
+            for _ in range(3):
+                yield pose.copy()
+                pose[2] += TURN_RAD
+        for away_m in np.arange(0.0, ROOM_M + CORRIDOR_M, 2 * STEP_M):
+            yield np.add(pose, [away_m, 0.0, 0.0])
+
+
+def drive_past(rooms: int) -> list[Observation]:
+    poses = enumerate(poses_round_rooms(rooms))
+    return [Observation(PICTURE, None, pose, step / 10, step, pose) for step, pose in poses]
+
+
+class Questions(NamedTuple):
+    """What a build asked."""
+
+    images: int
+    of_the_predictor: int
+    """Number of pairs of images that the predictor compared."""
+    of_odometry: int
+    """Number of pairs, of two images or of an image and a part of the drive, whose distance odometry told."""
+
+
+def asked_for_map_of(rooms: int, monkeypatch: pytest.MonkeyPatch) -> Questions:
+    images = drive_past(rooms)
+    predictor = DarkCorridors(one_room())
+    looked_at = list[int]()
+    between_all = odometry_gate._ShortestWays.between_all
+
+    def counted(
+        ways: odometry_gate._ShortestWays, here: NDArray[np.intp], there: NDArray[np.intp]
+    ) -> NDArray[np.float64]:
+        looked_at.append(len(here) * len(there))
+        return between_all(ways, here, there)
+
+    with monkeypatch.context() as watched:
+        watched.setattr(odometry_gate._ShortestWays, "between_all", counted)
+        build(images, KeyframeStore(predictor), predictor, METHOD, np.random.default_rng(0))
+    return Questions(len(images), predictor.compared, sum(looked_at))
+
+
+@pytest.mark.slow
+def test_a_drive_through_eight_times_as_many_rooms_asks_about_eight_times_as_many_pairs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    few = asked_for_map_of(9, monkeypatch)
+    many = asked_for_map_of(72, monkeypatch)
+    assert few.images > 1000
+    assert many.images == 8 * few.images
+    assert many.of_the_predictor < MOST_GROWTH * 8 * few.of_the_predictor
+    assert many.of_odometry < MOST_GROWTH * 8 * few.of_odometry

@@ -2,7 +2,8 @@
 
 Lines and modules, modules that one sibling alone imports, who makes a Navigator or a KeyframeStore, imports inside
 functions, tuple assignments, the length of functions, and how much of the house each verb can reach. A count is a
-thermometer and no goal: nothing is squeezed to lower it.
+thermometer and no goal: nothing is squeezed to lower it. With `--ceilings`, print instead the lines of each part beside
+its ceiling in `tools/ceilings.txt`, and end with status 1 where a part is above it.
 """
 
 import ast
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from statistics import median
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 PACKAGES = ("ltvn_core", "ltvn_viz")
 COUNTED_CALLS = ("Navigator", "KeyframeStore")
@@ -158,12 +159,41 @@ def _reached_rows(house: House) -> list[tuple[str, str]]:
     return rows
 
 
+class Part(NamedTuple):
+    """Some folders of the repository, and how many lines they may have."""
+
+    ceiling: int
+    names: str
+    files: frozenset[Path]
+
+    @property
+    def lines(self) -> int:
+        """The lines that they have."""
+        return sum(file.read_bytes().count(b"\n") for file in self.files)
+
+
+def parts(root: Path) -> Iterator[Part]:
+    """Yield the parts of the table of ceilings."""
+    for line in (root / "tools" / "ceilings.txt").read_text(encoding="utf-8").splitlines():
+        if not line.startswith("#"):
+            ceiling, *names = line.split()
+            patterns = [name if "*" in name else f"{name}/**/*.py" for name in names]
+            yield Part(int(ceiling), " ".join(names), frozenset(file for each in patterns for file in root.glob(each)))
+
+
 def main() -> int:
-    """Print the counts of this tree, or of the one whose root is given."""
-    root = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1]
-    for name, value in counts(House(root)):
-        sys.stdout.write(f"{name:<48} {value}\n")
-    return 0
+    """Print the counts of this tree, or of the one whose root is given, and return the exit status."""
+    given = [argument for argument in sys.argv[1:] if argument != "--ceilings"]
+    root = Path(given[0]) if given else Path(__file__).parents[1]
+    if "--ceilings" not in sys.argv:
+        for name, value in counts(House(root)):
+            sys.stdout.write(f"{name:<48} {value}\n")
+        return 0
+    found = [*parts(root)]
+    for part in found:
+        mark = "ABOVE" if part.lines > part.ceiling else ""
+        sys.stdout.write(f"{part.lines:7,} of {part.ceiling:6,}  {part.names}  {mark}".rstrip() + "\n")
+    return int(any(part.lines > part.ceiling for part in found))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.repository import ROOT
-from tools.house_counts import House
+from tools.house_counts import House, Part, parts
 
 MODULES = sorted([*(ROOT / "ltvn_core").rglob("*.py"), *(ROOT / "ltvn_viz").rglob("*.py")])
 
@@ -214,6 +214,16 @@ def test_building_a_map_reaches_neither_simulator_nor_training() -> None:
 
     assert not parts & {"simulation", "training", "importing"}
     assert sum(house.lines[name] for name in reached) <= BUILD_LINES
+
+
+@pytest.mark.parametrize("part", [*parts(ROOT)], ids=lambda part: part.names)
+def test_no_part_of_the_house_grows_above_its_ceiling(part: Part) -> None:
+    assert part.lines <= part.ceiling, "cut before you add; `python -m tools.house_counts --ceilings` prints the table"
+
+
+def test_every_module_stands_under_exactly_one_ceiling() -> None:
+    modules = set(MODULES)
+    assert sorted(file for part in parts(ROOT) for file in part.files & modules) == MODULES
 
 
 @pytest.mark.parametrize("part", ["graph", "navigation", "analysis"])

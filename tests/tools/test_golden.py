@@ -8,7 +8,7 @@ import pytest
 
 from ltvn_core import config
 from tools.golden.__main__ import PARTS, USUAL, file_of
-from tools.golden.files import FOLDER, Row, difference, write
+from tools.golden.files import FOLDER, Row, difference, made_here, write
 from tools.golden.runs import Setting, runs
 
 ROWS = [Row("edge at 3 s", {"blocks": [{"text": "p 0.91", "points": [0.5, 1]}]}), Row("q", "no path", ({"kind": "a"},))]
@@ -17,6 +17,8 @@ ROWS = [Row("edge at 3 s", {"blocks": [{"text": "p 0.91", "points": [0.5, 1]}]})
 @pytest.mark.slow
 @pytest.mark.parametrize("part", USUAL)
 def test_the_program_answers_as_before(part: str) -> None:
+    if part in ("maps", "runs") and not made_here(file_of(part)):
+        pytest.skip("A last bit that differs on another processor may lead a robot another way.")
     found = difference(file_of(part), PARTS[part]())
 
     assert found is None, f"{found}\nIf this is meant: python -m tools.golden make {part}"

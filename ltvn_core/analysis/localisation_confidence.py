@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.analysis.image_similarity import colour_descriptors
 from ltvn_core.config import BuildingConfig, LocalisingConfig, Method
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
+from ltvn_core.graph.build_progress import BuildProgress, BuildStage, ProgressCallback
 from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
@@ -39,13 +41,9 @@ from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _NEAR_IN_TIME = 12
+_ENCODED_AT_ONCE = 64
 _AHEAD = 512
 """Number of images among which the next one to be tried is searched at once."""
-
-ProgressCallback = Callable[[int, int], None]
-"""Called with the number of images done and the number of all images."""
-_CLOSING_SHARE, _FLOOR_SHARE = 0.3, 0.2
-"""Shares of the work that correct odometry, and that search for edges over free floor."""
 
 
 def build(
@@ -67,48 +65,51 @@ def build(
     Images without depth are left out if the predictor needs depth. Raises MapError as `usable_trajectory`.
     """
     observations = usable_trajectory(observations, predictor, goals)
-    keyframes.add(observations)
+    shown = BuildProgress(method, len(observations), progress)
+    _encode(observations, keyframes, shown.of(BuildStage.ENCODING))
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
-        check = SlipCheck(matcher)
-        mended = without_slips(observations, predictor.camera, keyframes.odometry_starts, check.confirms)
-        if check.errors:
-            moved = odometry_of(mended) - odometry_of(observations)
-            slips = Correction.of("wheel slips", moved, np.concatenate(check.errors), count=len(check.errors))
-            keyframes.corrections.append(slips)
-        observations = mended
-        keyframes.correct(observations)
+        observations = _without_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
     loop_closures = LoopClosureVerifier(matcher)
-    count = len(observations)
-    tell = progress or _no_progress
     observations, odometry_gate = with_closed_loops(
-        observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
+        observations, matcher, loop_closures, method, shown.of(BuildStage.CLOSURES)
     )
-    closing = _CLOSING_SHARE if method.building.close_loops else 0.0
-    before_floor = 1 - _FLOOR_SHARE if method.building.floor_edges else 1.0
     run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
-    run.run(rng, lambda done, total: tell(round(closing * total + (before_floor - closing) * done), total))
+    run.run(rng, shown.of(BuildStage.PASSES))
     run.keep_largest_pieces()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
     _note_edges("bridges by odometry", deltas, deltas, keyframes)
-    if not method.building.floor_edges:
-        return deltas
-    images = [keyframes.observation(node) for node in run.nodes]
-    floor = FreeFloor(images, predictor.camera, odometry_gate, keyframes.needed_space(predictor.camera))
-    edges = [
-        *floor_edges(
-            TopologicalGraph(deltas),
-            odometry_gate,
-            floor,
-            method,
-            lambda share: tell(round((before_floor + _FLOOR_SHARE * share) * count), count),
-        )
-    ]
-    _note_edges("edges over free floor", edges, deltas, keyframes)
-    deltas = (*deltas, *edges)
-    tell(count, count)
+    if method.building.floor_edges:
+        images = [keyframes.observation(node) for node in run.nodes]
+        floor = FreeFloor(images, predictor.camera, odometry_gate, keyframes.needed_space(predictor.camera))
+        graph = TopologicalGraph(deltas)
+        edges = [*floor_edges(graph, odometry_gate, floor, method, shown.of(BuildStage.FLOOR))]
+        _note_edges("edges over free floor", edges, deltas, keyframes)
+        deltas = (*deltas, *edges)
+    shown.end()
     return deltas
+
+
+def _encode(observations: Sequence[Observation], keyframes: KeyframeStore, progress: Callable[[float], None]) -> None:
+    for first in range(0, len(observations), _ENCODED_AT_ONCE):
+        keyframes.add(observations[first : first + _ENCODED_AT_ONCE])
+        progress(min(first + _ENCODED_AT_ONCE, len(observations)) / len(observations))
+
+
+def _without_slips(
+    observations: Sequence[Observation], matcher: Matcher, camera: CameraModel, progress: Callable[[float], None]
+) -> Sequence[Observation]:
+    """Return images with odometry corrected for wheel slips, also in the matcher's keyframes, which note it."""
+    keyframes = matcher.keyframes
+    check = SlipCheck(matcher)
+    mended = without_slips(observations, camera, keyframes.odometry_starts, check.confirms, progress)
+    if check.errors:
+        moved = odometry_of(mended) - odometry_of(observations)
+        slips = Correction.of("wheel slips", moved, np.concatenate(check.errors), count=len(check.errors))
+        keyframes.corrections.append(slips)
+    keyframes.correct(mended)
+    return mended
 
 
 def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDelta], keyframes: KeyframeStore) -> None:
@@ -127,10 +128,6 @@ def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDe
 
 def _ends(edge: Edge) -> tuple[NodeId, NodeId]:
     return edge.source, edge.target
-
-
-def _no_progress(done: int, total: int) -> None:
-    """Show no progress."""
 
 
 class _Stage(IntEnum):
@@ -196,7 +193,7 @@ class _BuildRun:
         reserved = [FramesReserved(self.reserve, Cause.BUILD)] if self.reserve else []
         return (*self._deltas, *reserved)
 
-    def run(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def run(self, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
         """Pass over the images until a pass adds nothing, then with the lower threshold of r, then with bridges; then
         start another piece.
 
@@ -249,7 +246,7 @@ class _BuildRun:
             left = self._left
         return int(left[rng.integers(len(left))]) if len(left) else None
 
-    def _grow_all(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def _grow_all(self, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
         config = self._method.building
         self._grow(_Stage.FIRST, rng, progress)
         if not config.second_pass_reachability:
@@ -270,7 +267,7 @@ class _BuildRun:
         is_left[self._left] = True
         return self._bridges.by_odometry(is_left, self._goals)
 
-    def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def _grow(self, stage: _Stage, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
         """Pass over the images until a pass adds no node; in the last stage, until a pass neither adds a node nor
         merges an image."""
         before = -1
@@ -278,7 +275,7 @@ class _BuildRun:
             before = grown
             self._pass(stage, rng, progress)
 
-    def _pass(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def _pass(self, stage: _Stage, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
         total = len(self._images)
         order = self._goals_first(self._shuffled(rng))
         is_left = np.ones(len(order), bool)
@@ -287,7 +284,7 @@ class _BuildRun:
             if self._consumed(int(order[place]), stage):
                 is_left[place] = False
                 consumed += 1
-            progress(consumed, total)
+            progress(consumed / total)
         self._left = order[is_left]
 
     def _waiting_places(self, order: NDArray[np.intp], stage: _Stage) -> Iterator[int]:
@@ -298,7 +295,7 @@ class _BuildRun:
         waiting = self._waiting[:stage]
         place = 0
         while place < len(order):
-            ahead = waiting[:, order[place : place + _AHEAD]].any(axis=0)
+            ahead = np.logical_or.reduce(waiting[:, order[place : place + _AHEAD]], axis=0)
             step = int(ahead.argmax())
             if ahead[step]:
                 yield place + step

@@ -26,7 +26,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior

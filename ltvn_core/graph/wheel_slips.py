@@ -142,26 +142,34 @@ def without_slips(
     camera: CameraModel,
     drive_starts: Collection[FrameId] = (),
     confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Observation]:
     """Return images in their order, each with odometry corrected for the slips before it in its drive.
 
     Odometry restarts at `drive_starts`. `confirms` tells of a drive, one of its slips, and the first and the last image
-    around it without another slip, whether the slip is mended; None mends all.
+    around it without another slip, whether the slip is mended; None mends all. `progress` is called with the share of
+    the images that were searched.
     """
     drives = list[list[Observation]]()
     for seen in observations:
         if not drives or seen.step in drive_starts:
             drives.append([])
         drives[-1].append(seen)
-    return [seen for drive in drives for seen in _mended(drive, camera, confirms)]
+    number = itertools.count(1)
+
+    def searched() -> None:
+        progress(next(number) / len(observations))
+
+    return [seen for drive in drives for seen in _mended(drive, camera, confirms, searched)]
 
 
 def _mended(
     drive: Sequence[Observation],
     camera: CameraModel,
     confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None,
+    searched: Callable[[], None],
 ) -> Sequence[Observation]:
-    slips = find_slips(drive, camera)
+    slips = find_slips(drive, camera, searched)
     ends = [0, *(slip.row for slip in slips), len(drive)]
     frame: Pose | None = None
     mended = list[Observation]()
@@ -174,8 +182,13 @@ def _mended(
     return mended
 
 
-def find_slips(drive: Sequence[Observation], camera: CameraModel) -> list[Slip]:
-    """Return the slips of a drive, in order: jumps larger than the error of the search for them in this drive."""
+def find_slips(
+    drive: Sequence[Observation], camera: CameraModel, searched: Callable[[], None] = lambda: None
+) -> list[Slip]:
+    """Return the slips of a drive, in order: jumps larger than the error of the search for them in this drive.
+
+    `searched` is called for each image that is compared with the one before it.
+    """
     if not np.ptp([seen.odometry for seen in drive], axis=0).any():
         return []
     scans = [DepthScan.from_image(seen, camera, np.zeros(3), height_m=_COMPARED_M) for seen in drive]
@@ -183,10 +196,10 @@ def find_slips(drive: Sequence[Observation], camera: CameraModel) -> list[Slip]:
     moves = {row: move for row, move in moves.items() if drive[row - 1].step != drive[row].step}
     moves = {row: move for row, move in moves.items() if not _are_apart(move)}
     sampled = {[*moves][k] for k in np.linspace(0, len(moves) - 1, min(_SAMPLED, len(moves))).astype(int)}
-    fits = {
-        row: _fit(scans[row - 1], scans[row], move, axes=(_AHEAD, _LEFT), always=row in sampled)
-        for row, move in moves.items()
-    }
+    fits = dict[int, _Fit | None]()
+    for row, move in moves.items():
+        fits[row] = _fit(scans[row - 1], scans[row], move, axes=(_AHEAD, _LEFT), always=row in sampled)
+        searched()
     found = {row: (Slip(row, moves[row], fit.motion), fit) for row, fit in fits.items() if fit is not None}
     if not found:
         return []

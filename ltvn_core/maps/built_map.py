@@ -13,7 +13,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.image_validity import check_instant
 from ltvn_core.maps.joined_drives import JoinedDrive

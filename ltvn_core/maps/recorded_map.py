@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from ltvn_core.data.recording.metadata import is_lens_known
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.joined_drives import join_drives
 from ltvn_core.maps.topological_map import TopologicalMap

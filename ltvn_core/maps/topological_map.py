@@ -16,7 +16,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map, save_map
 from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding, WithDoubts
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.corrections import Correction, to_config
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localiser

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BeliefConfig
 from ltvn_core.geometry import distance, invert
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import node_from_observation, pose_row

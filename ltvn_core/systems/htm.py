@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import Method
 from ltvn_core.geometry import invert
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.maintenance import AttemptEvidence

@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.network.architecture import EnsembleArchitecture

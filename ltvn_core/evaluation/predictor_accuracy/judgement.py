@@ -35,7 +35,7 @@ from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import (
 )
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.map_check import MappedDrive, diagnose
 from ltvn_core.maps.map_coverage import map_coverage

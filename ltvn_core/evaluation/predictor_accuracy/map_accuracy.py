@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.analysis.localisation_confidence import PerceptualAlias, find_perceptual_aliases
 from ltvn_core.geometry import compose, distance, invert, relative
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore

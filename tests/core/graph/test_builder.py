@@ -188,16 +188,22 @@ def test_repeated_frame_numbers_and_foreign_goals_are_refused() -> None:
         build(twice[:1], KeyframeStore(predictor), predictor, ROBUST, np.random.default_rng(0), goals=[77])
 
 
-def test_progress_counts_up_to_all_images() -> None:
-    images, seen = list(tour(ROUND)), []
+@pytest.mark.parametrize(
+    "method",
+    [ROBUST, PAPER, replace(ROBUST, building=replace(ROBUST.building, close_loops=False, floor_edges=False))],
+    ids=["robust", "paper", "without_loops_and_floor"],
+)
+def test_progress_counts_up_to_all_images_through_all_stages(method: Method) -> None:
+    images, seen = list(tour(ROUND)), [(0, 0)]
     predictor = FlatPredictor(one_room())
     build(
         images,
         KeyframeStore(predictor),
         predictor,
-        ROBUST,
+        method,
         np.random.default_rng(0),
         progress=lambda done, total: seen.append((done, total)),
     )
     assert seen == sorted(seen)
     assert seen[-1] == (len(images), len(images))
+    assert np.diff([done for done, _ in seen]).max() < len(images) / 4

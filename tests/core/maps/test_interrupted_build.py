@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.predictors.remembered_answers import RememberedPredictor

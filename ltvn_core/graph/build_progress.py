@@ -1,0 +1,73 @@
+"""Progress of a build through its stages: each counts as many images as its share of the time.
+
+Owns these shares.
+"""
+
+from collections.abc import Callable
+from enum import Enum, auto
+
+from ltvn_core.config import Method
+
+ProgressCallback = Callable[[int, int], None]
+"""Called with the number of images done and the number of all images."""
+
+
+class BuildStage(Enum):
+    """A stage of a build, in order."""
+
+    ENCODING = auto()
+    SLIPS = auto()
+    """Odometry is corrected for wheel slips."""
+    CLOSURES = auto()
+    """Odometry is corrected by loop closures."""
+    PASSES = auto()
+    """Images are merged with nodes, or become nodes."""
+    FLOOR = auto()
+    """Edges over free floor are searched."""
+
+
+_SHARES = {
+    BuildStage.ENCODING: 0.2,
+    BuildStage.SLIPS: 0.1,
+    BuildStage.CLOSURES: 0.2,
+    BuildStage.PASSES: 0.35,
+    BuildStage.FLOOR: 0.15,
+}
+"""Measured shares of the processor time."""
+
+
+class BuildProgress:
+    """Tells how far a build is; never goes back."""
+
+    def __init__(self, method: Method, count: int, tell: ProgressCallback | None) -> None:
+        """Count the stages in which a method builds a map of some images."""
+        left_out = {
+            BuildStage.SLIPS: not method.matching.mend_slips,
+            BuildStage.CLOSURES: not method.building.close_loops,
+            BuildStage.FLOOR: not method.building.floor_edges,
+        }
+        self._shares = {stage: share for stage, share in _SHARES.items() if not left_out.get(stage)}
+        self._count = count
+        self._tell = tell
+        self._done = 0
+
+    def of(self, stage: BuildStage) -> Callable[[float], None]:
+        """Return a function to call with the share of a stage that is done."""
+        stages = [*self._shares]
+        before = sum(self._shares[each] for each in stages[: stages.index(stage)]) if stage in stages else 0.0
+        whole = sum(self._shares.values())
+        own = self._shares.get(stage, 0.0)
+
+        def done(share: float) -> None:
+            self._show(int(self._count * (before + own * share) / whole))
+
+        return done
+
+    def end(self) -> None:
+        """Tell that the map is built."""
+        self._show(self._count)
+
+    def _show(self, done: int) -> None:
+        self._done = max(self._done, done)
+        if self._tell is not None:
+            self._tell(self._done, self._count)

@@ -72,8 +72,8 @@ def map_world(
     return MappedWorld(world, robot, graph, keyframes, predictor, method, poses)
 
 
-def mapped_rooms(method: Method, **options: float) -> MappedWorld:
-    return map_world(two_rooms(), list(tour(WAY)), method, **options)
+def mapped_rooms(method: Method, *, drift: float = 0.0) -> MappedWorld:
+    return map_world(two_rooms(), list(tour(WAY)), method, drift=drift)
 
 
 def mapped_corridor(method: Method, *, lie: bool = False) -> MappedWorld:

@@ -37,7 +37,7 @@ def mapped_rooms_with(hides: Callable[[MappedWorld, Features, Features], np.ndar
 
 def is_live(features: Features) -> np.ndarray:
     """Tell (N,) which features are of images taken in the query."""
-    return features[:, 3] >= FIRST_STEP
+    return np.asarray(features, np.float64)[:, 3] >= FIRST_STEP
 
 
 def end_of(events: list[Event]) -> QueryEnded:
@@ -82,8 +82,8 @@ def test_a_goal_whose_image_shows_something_else_now_is_reached_by_the_images_ar
 def test_a_robot_that_recognises_nothing_near_its_goal_does_not_say_that_it_has_arrived(near_m: float) -> None:
     def hides(place: MappedWorld, sources: Features, targets: Features) -> np.ndarray:
         there = place.poses[goal_of(place)][:2]
-        near = np.hypot(*(sources[:, :2] - there).T) < near_m
-        return (is_live(sources) | is_live(targets)) & (near | (np.hypot(*(targets[:, :2] - there).T) < near_m))
+        near = [np.hypot(*(np.asarray(each, np.float64)[:, :2] - there).T) < near_m for each in (sources, targets)]
+        return (is_live(sources) | is_live(targets)) & (near[0] | near[1])
 
     place = mapped_rooms_with(hides)
     _, events = place.go(goal_of(place))

@@ -45,7 +45,7 @@ class Bench:
 
         Returns the first motion that reached the wheels.
         """
-        return until(self._first_motion)
+        return until(self._first_motion) or ZERO_TWIST
 
     def _first_motion(self) -> Twist | None:
         self.drive(ZERO_TWIST)

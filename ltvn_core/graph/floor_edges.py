@@ -11,9 +11,10 @@ decides whether floor is free, `graph.course_errors` whether odometry knows wher
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from heapq import heappop, heappush
+from math import inf
 
 import numpy as np
-import rustworkx
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
@@ -56,7 +57,7 @@ def floor_edges(
 
     `progress` is called with the share of the pairs of nodes that are checked.
     """
-    ways = _Ways.of(graph, method)
+    ways = _Ways(graph, method)
     errors = CourseErrors(graph, gate)
     pairs = sorted(_pairs(graph, gate, floor, errors, method), key=lambda pair: pair.matches.distances[0])
     for number, pair in enumerate(pairs):
@@ -126,34 +127,39 @@ def _pairs(
             yield _Pair(matches, *edges, longest=float(longest[j]), error_m=float(errors.error_m(driven_m[j])))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Ways:
     """Costs of the paths in a map, updated as edges are added."""
 
-    costs: "rustworkx.PyDiGraph[NodeId, float]"
-    rows: dict[NodeId, int]
-    method: Method
-
-    @classmethod
-    def of(cls, graph: TopologicalGraph, method: Method) -> "_Ways":
-        costs = rustworkx.PyDiGraph[NodeId, float]()
-        rows = dict(zip(graph.nodes, costs.add_nodes_from(list(graph.nodes)), strict=True))
-        ways = cls(costs, rows, method)
+    def __init__(self, graph: TopologicalGraph, method: Method) -> None:
+        self._config = method.planning
+        self._onward: dict[NodeId, dict[NodeId, float]] = {node: {} for node in graph.nodes}
+        """For each node the least cost of an edge to each of its successors."""
         for edge in graph.edges.values():
-            ways._add(edge)
-        return ways
+            self._add(edge)
 
     def add(self, pair: _Pair) -> None:
         self._add(pair.there.edge)
         self._add(pair.back.edge)
 
     def are_shortened_by(self, pair: _Pair) -> bool:
-        """Tell whether the path between two nodes costs much more without their edge."""
-        target = self.rows[pair.there.edge.target]
-        lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, self.rows[pair.source], float, goal=target)
-        return target not in lengths or lengths[target] > pair.longest
+        """Tell whether the path between two nodes costs much more without their edge.
+
+        Looks no farther than that, so the cost does not grow with the map.
+        """
+        target = pair.there.edge.target
+        costs = {pair.source: 0.0}
+        ahead = [(0.0, pair.source)]
+        while ahead:
+            cost, node = heappop(ahead)
+            if node == target:
+                return False
+            for other, more in self._onward[node].items():
+                total = cost + more
+                if total <= pair.longest and total < costs.get(other, inf):
+                    costs[other] = total
+                    heappush(ahead, (total, other))
+        return True
 
     def _add(self, edge: Edge) -> None:
-        self.costs.add_edge(
-            self.rows[edge.source], self.rows[edge.target], edge_cost(edge.belief, self.method.planning)
-        )
+        onward = self._onward[edge.source]
+        onward[edge.target] = min(edge_cost(edge.belief, self._config), onward.get(edge.target, inf))

@@ -46,7 +46,7 @@ def with_things(world: FlatWorld, *walls: list[list[float]]) -> FlatWorld:
 
 
 def depth_at(world: FlatWorld, pose: Pose) -> Depth:
-    """Return the depth image at a pose: walls as high as the picture, and no floor."""
+    """Return the depth image at a pose: the floor, and walls as high as the picture."""
     camera = LOCOBOT.camera
     columns = np.arange(camera.width)
     rays = camera.unproject(np.stack([columns, np.full_like(columns, camera.height // 2)], -1), np.ones(len(columns)))
@@ -59,7 +59,12 @@ def depth_at(world: FlatWorld, pose: Pose) -> Depth:
         share = (start[:, 0] * ahead[:, 1:] - start[:, 1] * ahead[:, :1]) / cross
     hit = (depth > 0.05) & (share >= 0) & (share <= 1)
     nearest = np.where(hit, depth, np.inf).min(axis=1)
-    return np.tile(np.where(np.isfinite(nearest), nearest, 0.0), (camera.height, 1)).astype(np.float32)
+    rows = np.arange(camera.height)
+    middle = np.stack([np.full_like(rows, camera.width // 2), rows], -1)
+    down = camera.height_m - camera.unproject(middle, np.ones(len(rows)))[:, 2]
+    floor = np.where(down > 0, camera.height_m / np.maximum(down, 1e-6), np.inf)
+    seen = np.minimum(nearest, floor[:, None])
+    return np.where(np.isfinite(seen), seen, 0.0).astype(np.float32)
 
 
 class SightedRobot(FlatRobot):

@@ -56,7 +56,8 @@ def test_all_families_of_scenes_have_names() -> None:
     assert [f"train-{k:02d}" for k in range(40)] == [name for name in names if name.startswith("train-")]
     tuning = [*(f"tune-{k}" for k in range(9)), *(f"tune-twin-{k}" for k in range(4))]
     tuning += [f"tune-narrow-{k}" for k in range(2)] + [f"tune-office-{k}" for k in range(4)]
-    tuning += [f"tune-{family}-{k}" for family in ("plain", "shop", "hall", "wings") for k in range(4)]
+    tuning += [f"tune-{family}-{k}" for family in ("plain", "shop", "hall") for k in range(4)]
+    tuning += [f"tune-tables-{k}" for k in range(2)] + [f"tune-wings-{k}" for k in range(4)]
     assert {f"{family}-{k}" for family in ("office", "plain", "shop", "hall", "wings") for k in range(4)} <= set(names)
     assert tuning == [name for name in names if name.startswith("tune-")]
 

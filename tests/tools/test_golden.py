@@ -15,6 +15,7 @@ ROWS = [Row("edge at 3 s", {"blocks": [{"text": "p 0.91", "points": [0.5, 1]}]})
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:No artists with labels")  # A report of results too small for a legend.
 @pytest.mark.parametrize("part", USUAL)
 def test_the_program_answers_as_before(part: str) -> None:
     if part in ("maps", "runs") and not made_here(file_of(part)):

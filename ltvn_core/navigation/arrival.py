@@ -62,8 +62,8 @@ def check_place(query: Query) -> EventGenerator[Arrival | None]:
     Raises:
         QueryAborted: The robot has turned round in vain often enough.
     """
-    seen = query.perception.node_match(query.goal)
     if not query.context.system.follows_places:
+        seen = query.perception.node_match(query.goal)
         return Arrival(BY_WAYPOINT, seen.reachability, seen.distance)
     yield from _survey(query)
     known = query.surveyed_waypoint(query.goal)

@@ -46,6 +46,7 @@ format: $(STAMP)  ## Format the code.
 lint: $(STAMP)  ## Check style.
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-cache --no-logo
 
 type: $(STAMP)  ## Check types.
 	$(BIN)/pyright

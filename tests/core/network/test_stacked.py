@@ -1,4 +1,4 @@
-"""The plain network over stacked images trains, is saved and predicts through the same seams as the aligned one."""
+"""The plain network over stacked images is saved and predicts as the aligned one does."""
 
 from pathlib import Path
 
@@ -12,21 +12,12 @@ from ltvn_core.network.image_features import pack
 from ltvn_core.network.model_card import measure_speed
 from ltvn_core.network.network_families import NETWORK_FAMILIES, StackedNetwork, build_network, default_architecture
 from ltvn_core.network.optimization.acceleration import MixedPrecision
-from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.training_loop import TrainingPlan, train
-from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor
-from ltvn_core.network.training_examples import BatchSampler, FarCriterion
+from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor
 from ltvn_core.network.weights_file import load_weights, save_weights
-from tests.core.network.tiny_data import SMALL, tiny_data, tiny_observations, tiny_shard
+from tests.core.network.tiny_data import SMALL, SMALL_STACKED, tiny_observations
 
-SMALL_STACKED = StackedArchitecture(stem=8, quarter=8, eighth=16, sixteenth=16, last=16, hidden=16)
 PLAN = Hyperparameters(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
-FULL = MixedPrecision(bfloat16=False)
-
-
-def trainer() -> Trainer:
-    return Trainer(PLAN, SMALL_STACKED)
 
 
 @pytest.fixture(scope="module")
@@ -79,29 +70,6 @@ def test_features_of_the_other_network_are_refused(predictor: NetworkPredictor) 
         predictor.predict(features, features)
 
 
-@pytest.mark.slow
-def test_a_few_steps_lower_the_loss_which_is_eq_1_alone() -> None:
-    sampler, learning = BatchSampler([tiny_shard()]), trainer()
-    reports = [learning.step(sampler, FULL, 0.1 + step / 100) for step in range(40)]
-    assert all(report.total == report.loss for report in reports)
-    losses = [report.loss for report in reports]
-    assert np.mean(losses[-5:]) < 0.85 * np.mean(losses[:5])
-
-
-def test_a_resumed_training_equals_an_uninterrupted_one(tmp_path: Path) -> None:
-    sampler, straight = BatchSampler([tiny_shard()]), trainer()
-    for step in range(4):
-        if step == 2:
-            save_checkpoint(straight, tmp_path / "c.safetensors", seconds=1.5)
-        straight.step(sampler, FULL, 0.2)
-    resumed = trainer()
-    assert restore_checkpoint(resumed, tmp_path / "c.safetensors") == 1.5
-    for _ in range(2):
-        resumed.step(sampler, FULL, 0.2)
-    for name, value in straight.average.state_dict().items():
-        torch.testing.assert_close(resumed.average.state_dict()[name], value, msg=name)
-
-
 @pytest.mark.parametrize(("saved", "other"), [(SMALL, SMALL_STACKED), (SMALL_STACKED, SMALL)])
 def test_a_checkpoint_of_the_other_architecture_is_refused_by_name(
     tmp_path: Path, saved: PairArchitecture | StackedArchitecture, other: PairArchitecture | StackedArchitecture
@@ -110,28 +78,6 @@ def test_a_checkpoint_of_the_other_architecture_is_refused_by_name(
     save_checkpoint(Trainer(PLAN, saved), path, seconds=0.0)
     with pytest.raises(WeightsError, match=f"architecture '{saved.name}', not '{other.name}'"):
         restore_checkpoint(Trainer(PLAN, other), path)
-
-
-def test_training_goes_on_after_an_interruption_and_ends_with_weights_that_load(tmp_path: Path) -> None:
-    plan = TrainingPlan(PLAN, SMALL_STACKED, minutes=None, steps=3, validations=1, minings=1, validation_pairs=40)
-    begun = trainer()
-    begun.step(BatchSampler([tiny_shard()]), FULL, 0.0)
-    save_checkpoint(begun, tmp_path / "checkpoint.safetensors", seconds=1.0)
-    result = train(tiny_data(), plan, tmp_path)
-    assert result.steps == 3
-    assert result.pairs > begun.pairs
-    assert load_predictor(result.weights).architecture == SMALL_STACKED
-
-
-def test_mined_confusions_are_far_pairs_drawn_from_all_over() -> None:
-    shard, learning = tiny_shard(), trainer()
-    found = mine_hard_negatives(
-        learning.average, FULL, shard, 0, FarCriterion(), np.random.default_rng(0), images=30, candidates=20, above=0.0
-    )
-    assert len({confusion.source for confusion in found}) > 5
-    for confusion in found:
-        pair = shard.poses[[confusion.source, confusion.target]]
-        assert FarCriterion().pairs(pair[:1], pair[1:])[0, 0]
 
 
 @pytest.mark.parametrize("family", NETWORK_FAMILIES)

@@ -1,4 +1,4 @@
-"""Training lowers the loss, goes on after an interruption as if nothing had happened, and keeps the best weights."""
+"""Both networks: training lowers the loss, goes on after an interruption as if nothing had happened, keeps the best."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +9,7 @@ import torch
 
 from ltvn_core.errors import DatasetError, WeightsError
 from ltvn_core.geometry import relative
+from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
 from ltvn_core.network.optimization.acceleration import MixedPrecision
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
 from ltvn_core.network.optimization.reachability_calibration import fit_platt
@@ -23,31 +24,38 @@ from ltvn_core.network.optimization.training_loop import TrainingData, TrainingP
 from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative
-from tests.core.network.tiny_data import SMALL, tiny_data, tiny_drive, tiny_shard
+from tests.core.network.tiny_data import SMALL, SMALL_STACKED, tiny_data, tiny_drive, tiny_shard
 
 PLAN = Hyperparameters(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
 FULL = MixedPrecision(bfloat16=False)
+both_networks = pytest.mark.parametrize("size", [SMALL, SMALL_STACKED], ids=lambda size: size.name)
 
 
-def trainer() -> Trainer:
-    return Trainer(PLAN, SMALL)
+def trainer(size: PairArchitecture | StackedArchitecture = SMALL) -> Trainer:
+    return Trainer(PLAN, size)
 
 
 @pytest.mark.slow
-def test_a_few_steps_lower_the_loss() -> None:
-    sampler, learning = BatchSampler([tiny_shard()]), trainer()
-    losses = [learning.step(sampler, FULL, 0.1 + step / 100).total for step in range(40)]
+@both_networks
+def test_a_few_steps_lower_the_loss(size: PairArchitecture | StackedArchitecture) -> None:
+    sampler, learning = BatchSampler([tiny_shard()]), trainer(size)
+    reports = [learning.step(sampler, FULL, 0.1 + step / 100) for step in range(40)]
+    assert isinstance(size, PairArchitecture) or all(report.total == report.loss for report in reports)
+    losses = [report.total for report in reports]
     assert np.mean(losses[-5:]) < 0.85 * np.mean(losses[:5])
 
 
-def test_a_resumed_training_equals_an_uninterrupted_one(tmp_path: Path) -> None:
-    sampler, straight = BatchSampler([tiny_shard()]), trainer()
+@both_networks
+def test_a_resumed_training_equals_an_uninterrupted_one(
+    tmp_path: Path, size: PairArchitecture | StackedArchitecture
+) -> None:
+    sampler, straight = BatchSampler([tiny_shard()]), trainer(size)
     straight.confusions = [HardNegative(0, 0, 20)]
     for step in range(4):
         if step == 2:
             save_checkpoint(straight, tmp_path / "c.safetensors", seconds=1.5)
         straight.step(sampler, FULL, 0.2)
-    resumed = trainer()
+    resumed = trainer(size)
     assert restore_checkpoint(resumed, tmp_path / "c.safetensors") == 1.5
     for _ in range(2):
         resumed.step(sampler, FULL, 0.2)
@@ -68,16 +76,25 @@ def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None:
-    plan = TrainingPlan(PLAN, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40)
+@both_networks
+def test_training_goes_on_after_an_interruption_and_ends_with_calibrated_weights_that_load(
+    tmp_path: Path, size: PairArchitecture | StackedArchitecture
+) -> None:
+    plan = TrainingPlan(
+        PLAN, size, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40
+    )
+    begun = trainer(size)
+    begun.step(BatchSampler([tiny_shard()]), FULL, 0.0)
+    save_checkpoint(begun, tmp_path / "checkpoint.safetensors", seconds=1.0)
     result = train(tiny_data(), plan, tmp_path)
     assert result.steps == 3
+    assert result.pairs > begun.pairs
     assert result.best is not None
     assert result.best.drives is not None
     assert result.best.drives.far_pairs == tiny_drive().far.sum()
     assert (tmp_path / "validation.jsonl").read_text(encoding="utf-8").count("\n") == 1
     predictor = load_predictor(result.weights)
-    assert len(predictor.fingerprint) == 12
+    assert predictor.architecture == size
     pairs, drives = evaluate_all_pairs(predictor, [tiny_drive()])
     assert pairs.pairs == 40 * 39
     assert drives == evaluate_drives(predictor, [tiny_drive()], np.random.default_rng(0))
@@ -135,8 +152,9 @@ def test_a_batch_holds_both_ends_of_each_confusion_as_a_negative() -> None:
     np.testing.assert_array_equal(batch.poses[batch.targets[-1]], shard.poses[30])
 
 
-def test_mined_confusions_are_far_pairs() -> None:
-    shard, learning = tiny_shard(), trainer()
+@both_networks
+def test_mined_confusions_are_far_pairs(size: PairArchitecture | StackedArchitecture) -> None:
+    shard, learning = tiny_shard(), trainer(size)
     found = mine_hard_negatives(
         learning.average, FULL, shard, 0, FarCriterion(), np.random.default_rng(0), images=30, candidates=50, above=0.0
     )

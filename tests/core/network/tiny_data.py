@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ltvn_core.network.architecture import PairArchitecture
+from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
 from ltvn_core.network.optimization.training_loop import TrainingData
 from ltvn_core.network.pair_evaluation import LabelledDrive
 from ltvn_core.network.training_data.pose_sampling import ClusterSampling, classify_near_far, sample_drive_poses
@@ -13,6 +13,7 @@ from ltvn_core.types import Observation
 from tests.core.network.training_data.box_world import two_rooms
 
 SMALL = PairArchitecture(stem=8, middle=8, tokens=16, heads=2, descriptor=16, value=8, place=8, hidden=16)
+SMALL_STACKED = StackedArchitecture(stem=8, quarter=8, eighth=16, sixteenth=16, last=16, hidden=16)
 
 
 @lru_cache

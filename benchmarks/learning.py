@@ -5,7 +5,7 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.acceleration import choose_precision
+from ltvn_core.network.optimization.acceleration import MixedPrecision
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard
@@ -20,7 +20,7 @@ def learn() -> list[Measurement]:
     shard = make_shard(DatasetScene(scene.name, scene.clearance, open_renderer(scene)), DatasetRecipe(clusters=40))
     retain_freed_memory()
     sampler, trainer, plain = BatchSampler([shard]), Trainer(Hyperparameters()), UnoptimizedTrainer()
-    precision = choose_precision(trainer.network)
+    precision = MixedPrecision(bfloat16=False)
     trainer.step(sampler, precision, 0.5)
     pairs = trainer.pairs
     batch = sampler.draw(np.random.default_rng(0), groups=10, pairs_per_group=18)

@@ -34,6 +34,8 @@ class TrainVerb(Verb):
     processes: int | None = None
     """Number of processes that train together; by default one for each graphics card, or without one, two of one thread
     each."""
+    bfloat16: bool = False
+    """Train in mixed precision: faster on a graphics card or processor made for bfloat16, and other weights."""
     seed: int = 0
     """Seed of initial weights, batches and augmentation."""
     evaluate: bool = False

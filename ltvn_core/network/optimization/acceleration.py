@@ -1,13 +1,11 @@
-"""Distributed data-parallel training, and mixed precision where a short measurement shows that it is faster.
+"""Distributed data-parallel training, and mixed precision.
 
 The processes have the same weights, different batches and averaged gradients. Each GPU has a process of its own. On a
 CPU, processes of one thread each are faster under load than one process with several threads, which waits at every
 layer for its slowest thread. `PairNetwork` always runs matching and geometry in float32.
 """
 
-import logging
 import signal
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
@@ -21,13 +19,10 @@ from torch import Tensor, distributed, multiprocessing, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.network.architecture import NETWORK_CAMERA
 from ltvn_core.network.base_network import BaseNetwork
 from ltvn_core.network.device import CPU, choose_device, device_of, gpu_count
 from ltvn_core.network.image_features import FeaturesT, to_float32
 from ltvn_core.network.pair_head import PairOutput
-
-log = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
 
@@ -117,10 +112,6 @@ def _worker_main(
         distributed.destroy_process_group()
 
 
-_IMAGES = 48
-"""Number of images, and of pairs, in the step that is timed."""
-
-
 @dataclass(frozen=True, slots=True)
 class MixedPrecision:
     """Runs a network in a given precision."""
@@ -138,48 +129,3 @@ class MixedPrecision:
         with torch.autocast(device_of(network).type, torch.bfloat16, enabled=self.bfloat16):
             output = network.compare(source, target)
         return output._replace(logit=output.logit.float(), pose=output.pose.float())
-
-
-def choose_precision(network: BaseNetwork[FeaturesT]) -> MixedPrecision:
-    """Return bfloat16 if a training step with as many pairs as images is at least a tenth faster with it."""
-    device = device_of(network)
-    rgb = torch.rand(_IMAGES, 3, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device)
-    depth = torch.rand(_IMAGES, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device) * 4 + 0.5
-    seconds = {}
-    state = {name: value.clone() for name, value in network.state_dict().items()}
-    for bfloat16 in (False, True):
-        step = _training_step(network, MixedPrecision(bfloat16), rgb, depth)
-        step()
-        seconds[bfloat16] = min(_seconds(step, device) for _ in range(2))
-    network.load_state_dict(state)  # Its batch normalisation has seen noise.
-    network.zero_grad(set_to_none=True)
-    choice = MixedPrecision(seconds[True] < 0.9 * seconds[False])
-    log.info(
-        "training step: %.2f ms per image in float32, %.2f in bfloat16; taking %s on %d threads",
-        seconds[False] / _IMAGES * 1e3,
-        seconds[True] / _IMAGES * 1e3,
-        "bfloat16" if choice.bfloat16 else "float32",
-        torch.get_num_threads(),
-    )
-    return choice
-
-
-def _training_step(
-    network: BaseNetwork[FeaturesT], precision: MixedPrecision, rgb: Tensor, depth: Tensor
-) -> Callable[[], None]:
-    def step() -> None:
-        features = precision.encode(network, rgb, depth)
-        output = precision.compare(network, features, features.take(torch.arange(len(rgb), device=rgb.device).roll(1)))
-        (output.logit.mean() + output.pose.mean()).backward()
-
-    return step
-
-
-def _seconds(step: Callable[[], None], device: torch.device) -> float:
-    # On a CPU, processor time: other programs must not decide the precision, and with it what is learned from a seed.
-    clock = time.process_time if device.type == "cpu" else time.perf_counter
-    start = clock()
-    step()
-    if torch.cuda.is_available():
-        torch.cuda.synchronize()
-    return clock() - start

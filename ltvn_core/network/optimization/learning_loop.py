@@ -9,12 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from pathlib import Path
 
-from ltvn_core.network.optimization.acceleration import (
-    SINGLE_PROCESS,
-    DistributedContext,
-    MixedPrecision,
-    choose_precision,
-)
+from ltvn_core.network.optimization.acceleration import SINGLE_PROCESS, DistributedContext, MixedPrecision
 from ltvn_core.network.optimization.trainer import StepLosses, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.training_examples import BatchSampler
 
@@ -50,7 +45,7 @@ class LearningLoop(ABC):
 
     def learn(self) -> bool:
         """Run all remaining steps; return False if `goes_on` stopped them early."""
-        precision = choose_precision(self.trainer.network)
+        precision = MixedPrecision(self.trainer.plan.bfloat16)
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
         while (before := self.progress()) < 1:

@@ -102,7 +102,7 @@ def test_training_goes_on_after_an_interruption_and_ends_with_calibrated_weights
 
 @pytest.mark.slow
 def test_two_processes_train_one_network(tmp_path: Path) -> None:
-    plan = TrainingPlan(PLAN, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
+    plan = TrainingPlan(PLAN, SMALL, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
     result = train_distributed(tiny_data, plan, tmp_path, processes=2)
     assert result.steps == 2
     assert result.best is not None
@@ -112,7 +112,7 @@ def test_two_processes_train_one_network(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_error_in_a_process_is_told_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no data today"):
-        train_distributed(no_data, TrainingPlan(PLAN, minutes=None, steps=2), tmp_path, processes=2)
+        train_distributed(no_data, TrainingPlan(PLAN, SMALL, minutes=None, steps=2), tmp_path, processes=2)
 
 
 def no_data() -> TrainingData:
@@ -121,7 +121,7 @@ def no_data() -> TrainingData:
 
 @pytest.mark.slow
 def test_metrics_that_cannot_be_written_end_training_and_leave_what_was_kept(tmp_path: Path) -> None:
-    plan = TrainingPlan(PLAN, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
+    plan = TrainingPlan(PLAN, SMALL, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
     train(tiny_data(), plan, tmp_path)
     kept = (tmp_path / "weights.safetensors").read_bytes()
     (tmp_path / "validation.jsonl").unlink()

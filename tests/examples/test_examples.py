@@ -1,8 +1,11 @@
 """The examples run as they stand, from any folder, and stay short enough to read at one go."""
 
 import re
+import runpy
 import subprocess
 import sys
+from contextlib import chdir, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import nbformat
@@ -17,7 +20,16 @@ LONGEST = 60
 
 
 def run(name: str, *arguments: str | Path, cwd: Path) -> str:
-    """Run an example as a person would, and return what it printed."""
+    """Run an example in this process, which has imported all that takes long, and return what it printed."""
+    argv = [name, *map(str, arguments)]
+    with chdir(cwd), redirect_stdout(StringIO()) as printed, pytest.MonkeyPatch.context() as changed:
+        changed.setattr(sys, "argv", argv)
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    return printed.getvalue()
+
+
+def run_alone(name: str, *arguments: str | Path, cwd: Path) -> str:
+    """Run an example in a process of its own, as a person would, and return what it printed."""
     command = [sys.executable, "-X", "utf8", str(EXAMPLES / name), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, check=False)
     assert done.returncode == 0, done.stderr
@@ -32,7 +44,7 @@ def test_an_example_is_short_and_begins_with_what_it_shows(path: Path) -> None:
 
 
 def test_images_of_ones_own_become_a_map(tmp_path: Path) -> None:
-    said = run("01_map_from_your_images.py", tmp_path, cwd=tmp_path)
+    said = run_alone("01_map_from_your_images.py", tmp_path, cwd=tmp_path)
     assert "60 images became" in said
     assert (tmp_path / "map.rrd").exists()
 
@@ -55,7 +67,7 @@ def test_a_predictor_of_ones_own_builds_a_map(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
-    said = run("06_evaluate_and_plot.py", tmp_path, "2", cwd=tmp_path)
+    said = run_alone("06_evaluate_and_plot.py", tmp_path, "2", cwd=tmp_path)
     assert said.count("of 2 episodes") == 2
     assert (tmp_path / "success.png").stat().st_size > 5_000
 

@@ -59,6 +59,20 @@ def mapped(joined: JoinedDrives, predictor: FlatPredictor | None = None) -> Topo
     return build_map(joined.observations, predictor=predictor or FlatPredictor(one_room()), drives=joined.drives)
 
 
+@pytest.fixture(scope="module")
+def met(tmp_path_factory: pytest.TempPathFactory) -> TopologicalMap:
+    """The map of two drives that meet."""
+    return mapped(two_drives(tmp_path_factory.mktemp("drives"), tour(BACK)))
+
+
+@pytest.fixture(scope="module")
+def saved(met: TopologicalMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of that map."""
+    path = tmp_path_factory.mktemp("map") / "map.rrd"
+    met.save(path)
+    return path
+
+
 def test_images_and_times_of_a_later_drive_are_counted_on(tmp_path: Path) -> None:
     joined = two_drives(tmp_path, tour(BACK))
     monday, tuesday = joined.drives
@@ -101,9 +115,8 @@ def test_drives_of_two_places_are_doubted(tmp_path: Path, scenes: tuple[str, str
     assert len(join_drives(drives).findings) == doubts
 
 
-def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(tmp_path: Path) -> None:
-    built = mapped(two_drives(tmp_path, tour(BACK)))
-    graph = built.graph
+def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(met: TopologicalMap) -> None:
+    built, graph = met, met.graph
     assert count_strongly_connected_components(graph) == 1
     assert {graph.drive_of(node) for node in graph.nodes} == {1, 2}
     assert built.drives[1].joined_by > 0
@@ -140,26 +153,23 @@ def test_one_perceptual_alias_joins_no_drives(tmp_path: Path) -> None:
     assert count_strongly_connected_components(built.graph) == 2
 
 
-def test_a_saved_map_still_knows_its_drives(tmp_path: Path) -> None:
-    built = mapped(two_drives(tmp_path, tour(BACK)))
-    built.save(tmp_path / "map.rrd")
-    loaded = TopologicalMap.load(tmp_path / "map.rrd", FlatPredictor(one_room()))
-    first = built.drives[1].first
+def test_a_saved_map_still_knows_its_drives(met: TopologicalMap, saved: Path) -> None:
+    loaded = TopologicalMap.load(saved, FlatPredictor(one_room()))
+    first = met.drives[1].first
     assert loaded.graph.drives == {0: "monday.rrd", first: "tuesday.rrd"}
     assert loaded.keyframes.drive_starts == (0, first)
     before = max(frame for frame in loaded.keyframes.frames if frame < first)
     assert all(frame < first for frame in loaded.keyframes.temporal_window(before, 5))
 
 
-def test_the_joints_of_a_map_are_judged_by_true_poses(tmp_path: Path) -> None:
-    mapped(two_drives(tmp_path, tour(BACK))).save(tmp_path / "map.rrd")
-    (row,) = JointTable(map=tmp_path / "map.rrd").run().rows
+def test_the_joints_of_a_map_are_judged_by_true_poses(saved: Path) -> None:
+    (row,) = JointTable(map=saved).run().rows
     name, _, places, median, _, lies = row
     assert name == "tuesday.rrd"
     assert int(places.split()[0]) > 0
     assert float(median.split()[0]) < 0.1
     assert float(lies.split()[0]) < 0.1
-    (moved,) = JointTable(map=tmp_path / "map.rrd", moved=(3.0, 4.0, 0.0)).run().rows
+    (moved,) = JointTable(map=saved, moved=(3.0, 4.0, 0.0)).run().rows
     assert float(moved[-1].split()[0]) == pytest.approx(5.0, abs=0.1)
 
 

@@ -116,7 +116,7 @@ def _worker_main(
 class MixedPrecision:
     """Runs a network in a given precision."""
 
-    bfloat16: bool
+    bfloat16: bool = False
 
     def encode(self, network: BaseNetwork[FeaturesT], rgb: Tensor, depth: Tensor) -> FeaturesT:
         """Encode images and return float32 features."""
@@ -129,3 +129,6 @@ class MixedPrecision:
         with torch.autocast(device_of(network).type, torch.bfloat16, enabled=self.bfloat16):
             output = network.compare(source, target)
         return output._replace(logit=output.logit.float(), pose=output.pose.float())
+
+
+FLOAT32 = MixedPrecision()

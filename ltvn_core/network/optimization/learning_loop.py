@@ -9,7 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from pathlib import Path
 
-from ltvn_core.network.optimization.acceleration import SINGLE_PROCESS, DistributedContext, MixedPrecision
+from ltvn_core.network.optimization.acceleration import FLOAT32, SINGLE_PROCESS, DistributedContext, MixedPrecision
 from ltvn_core.network.optimization.trainer import StepLosses, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.training_examples import BatchSampler
 
@@ -30,12 +30,14 @@ class LearningLoop(ABC):
         *,
         minutes: float | None,
         steps: int,
+        precision: MixedPrecision = FLOAT32,
         distributed_context: DistributedContext = SINGLE_PROCESS,
     ) -> None:
         """Learn for `minutes`, or for `steps` if `minutes` is None. Raises WeightsError for an unusable checkpoint."""
         self.trainer = trainer
         self.sampler = sampler
         self.distributed_context = distributed_context
+        self._precision = precision
         self._minutes = minutes
         self._steps = steps
         self._checkpoint = folder / "checkpoint.safetensors"
@@ -45,7 +47,7 @@ class LearningLoop(ABC):
 
     def learn(self) -> bool:
         """Run all remaining steps; return False if `goes_on` stopped them early."""
-        precision = MixedPrecision(self.trainer.plan.bfloat16)
+        precision = self._precision
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
         while (before := self.progress()) < 1:

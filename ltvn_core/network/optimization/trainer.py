@@ -80,8 +80,6 @@ class Hyperparameters:
     """Limits beyond which a pair is certainly a negative."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Augmentation of the images."""
-    bfloat16: bool = False
-    """Whether layers run in bfloat16, which is faster on hardware made for it; weights stay in float32."""
 
 
 class TrainingStep(nn.Module):

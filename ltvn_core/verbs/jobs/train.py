@@ -87,9 +87,10 @@ def _trained(options: TrainVerb, output: Path) -> TrainSummary:
 
 def _plan(options: TrainVerb) -> TrainingPlan:
     plan = TrainingPlan(
-        Hyperparameters(seed=options.seed, bfloat16=options.bfloat16),
+        Hyperparameters(seed=options.seed),
         default_architecture(options.architecture),
         minutes=options.minutes,
+        bfloat16=options.bfloat16,
     )
     if options.architecture == "stacked":  # It runs on the pixels of every pair: validate on fewer.
         plan = replace(plan, validation_pairs=plan.validation_pairs // 4, validation_far=plan.validation_far // 4)

@@ -34,6 +34,7 @@ pytestmark = pytest.mark.slow
 
 WALL_X = 3.0
 FALSE_EDGES = 15
+QUERIES = 4
 SURE = Belief(0.9, 0.05, 0.01)
 """Of an edge that is not there; so short that the planner likes it."""
 
@@ -50,9 +51,9 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lived(mapped: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Drive eight queries in one go."""
+    """Drive all queries in one go."""
     folder = copied(mapped, tmp_path_factory.mktemp("lived"))
-    drive_queries(folder, 0, 8)
+    drive_queries(folder, 0, QUERIES)
     return folder
 
 
@@ -99,10 +100,10 @@ def queries(folder: Path, first: int, until: int) -> tuple[QueryResult, ...]:
 
 def test_false_edges_that_were_driven_leave_the_map_and_count_as_bad(lived: Path) -> None:
     truth = open_runner(plan(lived), files(lived)).truth
-    before, after = graph(lived, 0), graph(lived, 8)
+    before, after = graph(lived, 0), graph(lived, QUERIES)
     gone = before.edges.keys() - after.edges.keys()
-    driven = queries(lived, 0, 8)
-    assert [query.query for query in driven] == list(range(8))
+    driven = queries(lived, 0, QUERIES)
+    assert [query.query for query in driven] == list(range(QUERIES))
     assert gone
     assert all(truth.is_spurious(edge) for edge in gone)
     assert sum(query.pruned for query in driven) == len(gone)
@@ -112,17 +113,17 @@ def test_false_edges_that_were_driven_leave_the_map_and_count_as_bad(lived: Path
 
 
 def test_what_driving_taught_is_in_the_saved_map(lived: Path) -> None:
-    successes = sum(edge.successes for edge in graph(lived, 8).edges.values())
-    assert successes >= sum(query.reached for query in queries(lived, 0, 8)) > 0
+    successes = sum(edge.successes for edge in graph(lived, QUERIES).edges.values())
+    assert successes >= sum(query.reached for query in queries(lived, 0, QUERIES)) > 0
 
 
 def test_two_stretches_come_to_the_same_as_one(mapped: Path, lived: Path, tmp_path: Path) -> None:
     folder = copied(mapped, tmp_path)
-    for first in (0, 4):
-        drive_queries(folder, first, first + 4)
-    assert graph(folder, 8) == graph(lived, 8)
-    assert list(graph(folder, 8).edges) == list(graph(lived, 8).edges)
-    assert (*queries(folder, 0, 4), *queries(folder, 4, 8)) == queries(lived, 0, 8)
+    drive_queries(folder, 0, QUERIES // 2)
+    drive_queries(folder, QUERIES // 2, QUERIES)
+    assert graph(folder, QUERIES) == graph(lived, QUERIES)
+    assert list(graph(folder, QUERIES).edges) == list(graph(lived, QUERIES).edges)
+    assert (*queries(folder, 0, QUERIES // 2), *queries(folder, QUERIES // 2, QUERIES)) == queries(lived, 0, QUERIES)
 
 
 def test_a_stretch_cut_off_before_its_last_file_is_finished_and_one_that_is_done_is_left_alone(
@@ -142,7 +143,7 @@ def test_a_stretch_cut_off_before_its_last_file_is_finished_and_one_that_is_done
 
 
 def test_images_are_not_compressed_again_from_map_to_map(lived: Path) -> None:
-    first, last = (Recording.open(files(lived).map(queries)) for queries in (0, 8))
+    first, last = (Recording.open(files(lived).map(queries)) for queries in (0, QUERIES))
     assert set(first.frames) <= set(last.frames)
     assert all(first.stored_frame(frame).frame.rgb == last.stored_frame(frame).frame.rgb for frame in first.frames)
 

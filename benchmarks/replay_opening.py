@@ -41,7 +41,7 @@ class _Cost:
 
 def open_from_disk() -> list[Measurement]:
     """Open 50,000 events on a map of 10,000 nodes and 50,000 edges, draw them, and recolour the map."""
-    with tempfile.TemporaryDirectory() as folder, GuardedServer(drives=False) as server:
+    with tempfile.TemporaryDirectory() as folder, GuardedServer() as server:
         path = Path(folder) / "long.rrd"
         write_long_run(path)
         page = _HeadlessPage(server)

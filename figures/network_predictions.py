@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from figures.pair_table import PairTable
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.network.pair_evaluation import LabelledDrive, encode_images, predict_pairs
-from ltvn_core.network.training_data.pair_table import PairTable
 from ltvn_core.network.training_data.shards import Shard
 from ltvn_core.types import Predictor
 

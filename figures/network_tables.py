@@ -9,8 +9,8 @@ from math import degrees
 from typing import Any
 
 from figures.metric_names import DRIVING_METRIC_NAMES, METRIC_NAMES, format_metric
+from figures.pair_table import limits_from_recipe
 from ltvn_core.errors import WeightsError
-from ltvn_core.network.training_data.pair_table import limits_from_recipe
 
 
 def network_blocks(card: Mapping[str, Any]) -> dict[str, str]:

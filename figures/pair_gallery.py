@@ -13,8 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.reports.figure_style import Colour, FigurePalette
-from ltvn_core.network.training_data.pair_table import (
+from figures.pair_table import (
     LabelledPair,
     PairTable,
     criterion_name,
@@ -23,6 +22,7 @@ from ltvn_core.network.training_data.pair_table import (
     single_criteria,
     waypoint_outline,
 )
+from ltvn_core.evaluation.reports.figure_style import Colour, FigurePalette
 from ltvn_core.network.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
 from ltvn_core.network.training_data.shards import Shard
 

@@ -14,7 +14,7 @@ from ltvn_core.verbs.verb import Verb
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Drive and map": ("app", "demo", "build", "navigate", "collect", "robot", "guard", "serve"),
-    "Look and ask": ("replay", "why", "view", "info", "verify", "report", "pairs", "mcp"),
+    "Look and ask": ("replay", "why", "view", "info", "verify", "report", "mcp"),
     "Import and export": ("import", "export", "repair", "plugins"),
     "Learn and measure": (
         "evaluate",

@@ -43,7 +43,7 @@ def scene_html(recording: Recording, drawn: MapLayout) -> str:
     If the scene is neither installed nor in the recording, the page shows the map without it.
     """
     # Only a server can export viser's scene. Its key is never shown, so nobody else can connect.
-    with GuardedServer(drives=False) as server:
+    with GuardedServer() as server:
         walls = _walls(recording)
         if walls is not None:
             server.scene.add_glb("/apartment", walls, cast_shadow=False, receive_shadow=False)

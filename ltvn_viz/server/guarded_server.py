@@ -86,11 +86,10 @@ class GuardedServer:
         token: str | None = None,
         *,
         seat: DriverSeat | None = None,
-        drives: bool = True,
         loading: str = "",
         pace: Pace | None = None,
     ) -> None:
-        """Start the server; port 0 takes any free port. Without `drives`, the page has no pad. Raises ServerError.
+        """Start the server; port 0 takes any free port. Raises ServerError.
 
         While `loading` is not empty, pages show it and wait for `end_loading`. A page that exceeds the limits of `pace`
         loses its socket.
@@ -109,9 +108,9 @@ class GuardedServer:
         self.presence = Presence(lease_s=HERE_LEASE_S if seat is None else seat.lease_s)
         self._drive = DriveSocket(self.seat, self.presence, pace=pace)
         self._routes = Routes()
-        self._page = IndexPage(drives=drives)
+        self._page = IndexPage()
         self._loading = loading
-        self.gate = PageGate(self._drive.may_drive if drives else lambda key: True, pace)
+        self.gate = PageGate(self._drive.may_drive, pace)
         self._routes.add(READY_PREFIX, lambda _: json.dumps(self._loading).encode(), ending="json")
         self._proof = Proof(self.token)
         self._strangers = Strangers()

@@ -6,7 +6,6 @@ may connect only to its own server.
 
 import json
 import secrets
-from collections.abc import Iterable
 from http import HTTPStatus
 from pathlib import Path
 
@@ -46,10 +45,10 @@ def mended(html: str) -> str:
 
 
 STATIC = Path(__file__).parents[1] / "static"
-DOOR_SCRIPTS = ("theme.js", "token.js", "page.js")
-"""Scripts that each page needs for its theme and for access."""
 SCRIPTS = (
-    *DOOR_SCRIPTS,
+    "theme.js",
+    "token.js",
+    "page.js",
     "layout.js",
     "names.js",
     "palette.js",
@@ -74,8 +73,6 @@ SCRIPTS = (
     "main.js",
 )
 STYLES = ("theme.css", "loading.css", "layout.css", "ltvn.css", "timeline.css")
-PLAIN_SCRIPTS = (*DOOR_SCRIPTS, "plain_main.js")
-PLAIN_STYLES = ("theme.css", "loading.css", "ltvn.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
@@ -106,10 +103,9 @@ LOADER = 'e.type="module";'
 class IndexPage:
     """The whole HTML of the page, except the nonce."""
 
-    def __init__(self, *, drives: bool = True) -> None:
-        """Read the page; without `drives` it has no pad, keys and layout of ours."""
-        index = _guarded(viser_page())
-        html = _with_our_parts(index) if drives else _with_script(_with_style(index, PLAIN_STYLES), PLAIN_SCRIPTS)
+    def __init__(self) -> None:
+        """Read the page, which is the same at every start."""
+        html = _with_our_parts(_guarded(viser_page()))
         # Every user of the machine can request the page, so the response must be cheap.
         self._between_nonces = html.encode().split(NONCE.encode())
 
@@ -133,21 +129,14 @@ def _guarded(index: str) -> str:
 
 def _with_our_parts(index: str) -> str:
     """Return the page with our layout, keys and pad; these come first, so that the loading step is shown at once."""
-    index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text(encoding='utf-8')}")
-    return _with_script(index, SCRIPTS)
+    style = "".join((STATIC / name).read_text(encoding="utf-8") for name in STYLES)
+    head = f'<style>{style}</style><script nonce="{NONCE}">{_script()}</script></head>'
+    body = f"<body>{(STATIC / PARTS).read_text(encoding='utf-8')}"
+    return index.replace("<body>", body).replace("</head>", head)
 
 
-def _with_script(index: str, names: Iterable[str]) -> str:
-    return index.replace("</head>", f'<script nonce="{NONCE}">{_script(names)}</script></head>')
-
-
-def _with_style(index: str, names: Iterable[str]) -> str:
-    style = "".join((STATIC / name).read_text(encoding="utf-8") for name in names)
-    return index.replace("</head>", f"<style>{style}</style></head>")
-
-
-def _script(names: Iterable[str]) -> str:
-    parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in names)
+def _script() -> str:
+    parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in SCRIPTS)
     tables = {
         "KEYMAP": _keymap(),
         "LINK_WORDS": LINK_PARAMETERS,

@@ -1,4 +1,4 @@
-"""The pairs of a shard as a table that can be filtered, with explanations of failed criteria and waypoint outlines.
+"""The pairs of a shard as a table, with explanations of failed criteria and waypoint outlines.
 
 Owns the texts for each failed criterion, with the measured value and the limit, and the outline of a waypoint in an
 image. Draws nothing.
@@ -16,7 +16,7 @@ from ltvn_core.network.training_data.reachability_labels import FailedCriteria, 
 from ltvn_core.network.training_data.shards import Shard
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.structured_text import parse_json
-from ltvn_core.types import Depth, Rgb, Waypoint
+from ltvn_core.types import Rgb, Waypoint
 
 ROBOT_RADIUS_M = LOCOBOT.clear_radius_m
 """Radius of the ring that marks a waypoint."""
@@ -45,11 +45,6 @@ def project(points: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(near[:, None], np.nan, LOCOBOT.camera.project(points) + 0.5)
 
 
-def unproject(depth: Depth) -> NDArray[np.float32]:
-    """Return the points (M, 3) of a depth image (H, W) where it is not 0: metres ahead, left, and above the floor."""
-    return LOCOBOT.camera.unproject_image(depth).astype(np.float32)
-
-
 def waypoint_outline(waypoint: Waypoint) -> WaypointOutline:
     """Return the outline of a waypoint (3,) in the image of its source."""
     x, y, yaw = waypoint
@@ -59,22 +54,6 @@ def waypoint_outline(waypoint: Waypoint) -> WaypointOutline:
     heading = np.array([[x, y, 0], [x + reach * np.cos(yaw), y + reach * np.sin(yaw), 0]])
     mast = np.array([[x, y, 0], [x, y, LOCOBOT.camera.height_m]])
     return WaypointOutline(ring=project(ring), heading=project(heading), mast=project(mast))
-
-
-@dataclass(frozen=True, slots=True)
-class PairFilter:
-    """Conditions for the pairs to show."""
-
-    reachable: bool | None = None
-    """Only pairs with this label; None for both labels."""
-    criterion: FailedCriteria = FailedCriteria.NOTHING
-    """Only pairs that fail this criterion; NOTHING for all pairs."""
-    min_distance_m: float = 0.0
-    """Least distance between source and target, in metres."""
-    max_distance_m: float = float("inf")
-    """Greatest distance between source and target, in metres."""
-    only_disagreements: bool = False
-    """Only pairs for which the network contradicts the label."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +66,7 @@ class LabelledPair:
     target: int
     """Row of the target image in its shard."""
     source_rgb: Rgb
-    source_depth: Depth
     target_rgb: Rgb
-    target_depth: Depth
     waypoint: Waypoint
     """(3,) true pose of the target in the source's frame."""
     reachable: bool
@@ -113,32 +90,6 @@ class PairTable:
         self.waypoints: Waypoint = relative(shard.poses[shard.sources], shard.poses[shard.targets])
         self.distance_m: NDArray[np.float64] = np.hypot(self.waypoints[:, 0], self.waypoints[:, 1])
 
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self.distance_m)
-
-    def rows(self, pair_filter: PairFilter, reachability: NDArray[np.float64] | None = None) -> NDArray[np.intp]:
-        """Return the rows (M,) of the pairs that meet a filter, in the order of the shard.
-
-        Args:
-            pair_filter: The conditions.
-            reachability: (P,) predictions of the network, needed for `only_disagreements`.
-
-        Raises:
-            ValueError: `reachability` is needed and missing.
-        """
-        shard = self.shard
-        chosen = (self.distance_m >= pair_filter.min_distance_m) & (self.distance_m <= pair_filter.max_distance_m)
-        if pair_filter.reachable is not None:
-            chosen &= shard.reachable == pair_filter.reachable
-        if pair_filter.criterion:
-            chosen &= (shard.failed & int(pair_filter.criterion)) != 0
-        if pair_filter.only_disagreements:
-            if reachability is None:
-                raise ValueError("Disagreements with the network need its reachability of all pairs.")
-            chosen &= (reachability > 0.5) != shard.reachable
-        return np.flatnonzero(chosen)
-
     def pair(self, row: int) -> LabelledPair:
         """Return one pair with its images."""
         shard = self.shard
@@ -149,9 +100,7 @@ class PairTable:
             source=i,
             target=j,
             source_rgb=shard.rgb[i],
-            source_depth=shard.depth_mm[i] / np.float32(1000),
             target_rgb=shard.rgb[j],
-            target_depth=shard.depth_mm[j] / np.float32(1000),
             waypoint=self.waypoints[row],
             reachable=bool(shard.reachable[row]),
             failed=FailedCriteria(int(shard.failed[row])),

@@ -26,7 +26,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "dataset",
         "measure",
         "baseline",
-        "plant",
     ),
 }
 """Headings of the help, and the verbs below each, in the order that helps a new user."""

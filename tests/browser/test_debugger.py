@@ -1,6 +1,6 @@
 """The eleven tools of the “Why” tab as a person uses them, in a real browser, on a good run and on one with faults.
 
-The faults were planted by `ltvn plant`: an edge through a wall, an edge between look-alike places, missing edges. The
+The faults were planted in a good map: an edge through a wall, an edge between look-alike places, missing edges. The
 tests know none of them beforehand; they follow links from “it failed” to the edge that is to blame.
 """
 

@@ -56,7 +56,6 @@ def test_help_names_every_verb() -> None:
         "view",
         "info",
         "export",
-        "plant",
     ):
         assert verb in shown
 

@@ -35,7 +35,6 @@ OUTPUTS = (
     "measure --folder {}",
     "navigate missing.rrd --recording {}.rrd",
     "navigate missing.rrd --recording trip.rrd --output {}.rrd",
-    "plant missing.rrd --recording {}.rrd",
     "repair missing.rrd --output {}.rrd",
     "report missing --output {}.html",
     "train --output {}.safetensors",

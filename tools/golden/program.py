@@ -58,7 +58,6 @@ _EVALUATION = "--loops 1 --without fine-tuning --processes 1 --body planar"
 MORE_COMMANDS = (
     "demo --headless --queries 5 --seed 7 --body planar --recording demo.rrd",
     "collect --loops 1 --output collected.rrd --body planar",
-    "plant demo-map.rrd --recording planted.rrd --body planar",
     f"evaluate --episodes 5 --scene apartment-57 {_EVALUATION}",
     f"evaluate --episodes 5 --preset paper {_EVALUATION}",
     *(f"evaluate --episodes 5 --system {name} {_EVALUATION}" for name in OWN_SYSTEMS[1:]),

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.collect import CollectVerb
-from ltvn_core.verbs.jobs.plant import PlantSummary
-from ltvn_core.verbs.plant import FaultName, PlantVerb
 from tests.repository import DEMO_DRIVE
 from tests.viz.agent.agent_client import AgentClient, agent_client
+from tools.plant_faults import FaultKind, plant_faults
 
 MOST_CALLS = 12
 
@@ -72,13 +71,12 @@ class Planted:
     edges: tuple[Edge, ...]
 
 
-def plant(map_file: Path, folder: Path, kind: FaultName) -> Planted:
+def plant(map_file: Path, folder: Path, kind: FaultKind) -> Planted:
     """Plant one fault, and let the robot meet it."""
     recording = folder / f"{kind}.rrd"
-    summary = PlantVerb(map=map_file, recording=recording, fault=(kind,)).run()
-    assert isinstance(summary, PlantSummary)
-    assert summary.outcome.reached == 0
-    return Planted(recording, tuple((source, target) for source, target in summary.faults[0].edges))
+    planted = plant_faults(map_file, recording, (kind,))
+    assert planted.outcome.reached == 0
+    return Planted(recording, planted.faults[0].edges)
 
 
 def test_an_edge_through_a_wall_and_a_missing_one_are_found_in_a_few_calls(tmp_path: Path) -> None:
@@ -86,16 +84,16 @@ def test_an_edge_through_a_wall_and_a_missing_one_are_found_in_a_few_calls(tmp_p
     CollectVerb(output=drive, loops=1).run()
     BuildVerb(recordings=(drive,), output=map_file, predictor="oracle").run()
 
-    for kind in ("spurious-edge", "missing-edge"):
+    for kind in (FaultKind.SPURIOUS_EDGE, FaultKind.MISSING_EDGE):
         check_found(plant(map_file, tmp_path, kind), kind)
 
 
 def test_two_places_that_look_alike_are_found_in_a_few_calls(tmp_path: Path) -> None:
     # Only a network takes one place for another; the drive ends with a map that a network built.
-    check_found(plant(DEMO_DRIVE, tmp_path, "look-alike"), "look-alike")
+    check_found(plant(DEMO_DRIVE, tmp_path, FaultKind.PERCEPTUAL_ALIAS), FaultKind.PERCEPTUAL_ALIAS)
 
 
-def check_found(planted: Planted, kind: FaultName) -> None:
+def check_found(planted: Planted, kind: FaultKind) -> None:
     with agent_client(planted.recording) as agent:
         finding = find_fault(agent)
 

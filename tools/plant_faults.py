@@ -1,11 +1,17 @@
-"""Injects faults into a correct map, to test the debugger: spurious edges, perceptual aliases and missing edges.
+"""Write a recording with faults to find: `python -m tools.plant_faults MAP.rrd FAULTS.rrd`.
 
-The ground truth determines their places. A fault is a list of graph deltas together with a query that meets it.
+Puts faults into a correct map of a simulated scene, and drives a query that meets each of them: a spurious edge, an
+edge between perceptual aliases, missing edges. The ground truth determines their places. The map's reserve is left out,
+so that maintenance cannot repair the map with it.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +19,25 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
 from ltvn_core.config import BeliefConfig
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.beliefs import initial_belief
-from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, EdgePruned, GraphDelta
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, EdgePruned, FramesReleased, GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.predictors.opening import open_method
+from ltvn_core.simulation.body_selection import choose_body
+from ltvn_core.simulation.opening import open_simulation
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
+from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.jobs.robot_queries import QueriesSummary
 
 THROUGH_WALL_M = 2.5
 """Greatest length of a spurious edge, in metres; such an edge is spurious only because of the wall."""
@@ -29,8 +45,8 @@ DETOUR_M = 3.5
 """Least length of the true path around the wall, in metres."""
 ALIAS_DISTANCE_M = 3.0
 """Least distance between two places that are perceptual aliases, in metres."""
-_APART_M = 1.0
-"""Least distance between several spurious edges, in metres, so that they do not all lead through one wall."""
+QUERY_STEPS = 80
+"""Control steps of 0.1 s after which a query ends."""
 _ENDPOINT_MARGIN_M = 2.0
 """Distance that a cut keeps from the start and goal of the query."""
 _BATCH = 4096
@@ -61,6 +77,24 @@ class Fault:
     goal: NodeId
 
 
+@dataclass(frozen=True)
+class PlantedFaults:
+    """The faults of a recording, and the results of the queries that met them."""
+
+    faults: tuple[Fault, ...]
+    """The faults, one for each query."""
+    outcome: QueriesSummary
+
+
+DEMO_FAULTS = (
+    FaultKind.SPURIOUS_EDGE,
+    FaultKind.SPURIOUS_EDGE,
+    FaultKind.PERCEPTUAL_ALIAS,
+    FaultKind.MISSING_EDGE,
+)
+"""The faults of the demo recording in the order of its queries; the first is met twice."""
+
+
 def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
     """Remove the minimum cut between the two nodes that are farthest apart, as if a passage was never mapped.
 
@@ -85,34 +119,14 @@ def spurious_edge(
 
     Both nodes are in one component of the map. Raises MapError if no true path is longer than `detour_m`.
     """
-    return spurious_edges(graph, truth, config, 1, detour_m=detour_m)[0]
-
-
-def spurious_edges(
-    graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, count: int, *, detour_m: float = DETOUR_M
-) -> tuple[Fault, ...]:
-    """Connect pairs of nodes as `spurious_edge` does, at different places, starting with the longest true path.
-
-    Raises MapError if there are fewer than `count` such pairs.
-    """
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)
-    pairs = sorted(_hidden_pairs(truth, poses, _components(graph), detour_m), key=lambda pair: -pair[2])
-    faults: list[Fault] = []
-    ends: list[int] = []
-    for row, other, _ in pairs:
-        apart = np.linalg.norm(poses[ends][:, None, :2] - poses[[row, other]][None, :, :2], axis=-1)
-        if len(faults) < count and (apart > _APART_M).all():
-            ends += [row, other]
-            waypoint = relative(poses[row], poses[other])
-            kind = FaultKind.SPURIOUS_EDGE
-            faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
-    if len(faults) < count:
-        raise MapError(
-            f"This map has {len(faults)} distant pairs of nodes with a wall between them and a long route around it, "
-            f"but {count} are needed; choose another map or fewer edges."
-        )
-    return tuple(faults)
+    pairs = _hidden_pairs(truth, poses, _components(graph), detour_m)
+    row, other, _ = max(pairs, key=lambda pair: pair[2], default=(0, 0, 0.0))
+    if row == other:
+        raise MapError("This map has no nodes with a wall between them and a long route around it; choose another one.")
+    waypoint = relative(poses[row], poses[other])
+    return _fault_of_edge(FaultKind.SPURIOUS_EDGE, nodes[row], nodes[other], waypoint, config.p_cap, config)
 
 
 def _hidden_pairs(
@@ -210,3 +224,84 @@ def _start_side_of_cut(
     left.eliminate_zeros()
     reached = breadth_first_order(left, start, return_predecessors=False)
     return {nodes[k] for k in reached.tolist()}
+
+
+def plant_faults(path: Path, output: Path, kinds: Sequence[FaultKind] = DEMO_FAULTS) -> PlantedFaults:
+    """Put faults into a map, and record a query that meets each of them. Raises MapError and RecordingError."""
+    loaded = load_map(path)
+    graph = loaded.graph
+    opened = TopologicalMap.open(loaded, with_reserve=False)
+    method = open_method("robust", opened.predictor)
+    # The robot gives up early.
+    method = replace(method, recovering=replace(method.recovering, step_limit=QUERY_STEPS, give_up_after_looks=12))
+    known = replace(opened, system=recorded_system(loaded.meta.config).factory(method))
+    faults = _insert_faults(
+        known, GroundTruth(load_scene(known.scene).clearance, loaded.observations.__getitem__), kinds
+    )
+    start = loaded.observations[faults[0].start].exact_pose
+    simulation = open_simulation(known.scene, seed=0, first_step=max(loaded.observations) + 1, start=start, body="auto")
+    run = RunDescription(
+        scene=known.scene,
+        config=_settings(known, faults) | {"body": choose_body("auto")},
+        fingerprint=known.predictor.fingerprint,
+        scene_glb=simulation.scene.glb(),
+    )
+    with run.open_writer(output) as writer:
+        writer.write_map(graph, known.observations)
+        runner = HeadlessRunner(simulation, writer, known)
+        goals, starts = [fault.goal for fault in faults], [fault.start for fault in faults]
+        outcome = runner.run_queries(goals, np.random.default_rng(0), starts=starts)
+    return PlantedFaults(faults, outcome)
+
+
+def _insert_faults(known: TopologicalMap, truth: GroundTruth, kinds: Sequence[FaultKind]) -> tuple[Fault, ...]:
+    """Put the faults into the map; missing edges come first, so that no other fault joins the separated parts."""
+    graph = known.graph
+    belief = known.system.method.believing
+    near = known.system.method.building.connect_distance
+    graph.apply(FramesReleased(tuple(graph.reserve), Cause.LOAD))
+    makers: dict[FaultKind, Callable[[], Fault]] = {
+        FaultKind.MISSING_EDGE: lambda: missing_edge(graph, truth),
+        FaultKind.SPURIOUS_EDGE: lambda: spurious_edge(graph, truth, belief),
+        FaultKind.PERCEPTUAL_ALIAS: lambda: perceptual_alias(
+            graph, truth, known.keyframes, known.predictor, belief, near
+        ),
+    }
+    faults: dict[FaultKind, Fault] = {}
+    for kind, make in makers.items():
+        if kind in kinds:
+            faults[kind] = make()
+            for delta in faults[kind].deltas:
+                graph.apply(delta)
+    return tuple(faults[kind] for kind in kinds)
+
+
+def _settings(known: TopologicalMap, faults: Sequence[Fault]) -> dict[str, Any]:
+    """Return the settings of the recording, with the faults to find in it."""
+    said = [
+        {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
+        for query, fault in enumerate(faults)
+    ]
+    return {
+        "system": known.system.name,
+        "seed": 0,
+        "predictor": known.predictor_name,
+        "method": asdict(known.system.method),
+        "faults": said,
+    }
+
+
+def main() -> int:
+    """Parse the command line and write one recording."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("map", type=Path)
+    parser.add_argument("output", type=Path)
+    options = parser.parse_args()
+    planted = plant_faults(options.map, options.output)
+    for query, fault in enumerate(planted.faults):
+        sys.stdout.write(f"query {query}: {fault.kind} {fault.edges}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -10,7 +10,7 @@ from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard
 from ltvn_core.network.training_examples import BatchSampler
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 
 

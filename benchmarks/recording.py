@@ -61,7 +61,7 @@ def _with_originals() -> list[Measurement]:
 
 def demo_observations(count: int, camera: CameraModel = LOCOBOT.camera) -> list[Observation]:
     """Return looks at random places of the demo apartment."""
-    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+    from ltvn_core.simulation.rendering.renderer_opening import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene("demo")

@@ -48,7 +48,7 @@ from ltvn_core.predictors.geometric_features import (
     votes,
 )
 from ltvn_core.predictors.geometric_verification import verify, waypoint
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import Observation, Pose, Renderer
 from tools.repeating_corridor import corridor_poses, repeating_corridor

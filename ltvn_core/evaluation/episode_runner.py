@@ -27,7 +27,7 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light

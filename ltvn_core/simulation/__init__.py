@@ -1,1 +1,1 @@
-"""Simulation: scenes, bodies, robot, renderers and the ground truth. No other package imports pybullet."""
+"""Simulation: scenes, bodies, robot, renderer and the ground truth. No other package imports pybullet."""

@@ -79,7 +79,7 @@ def open_simulation(
         raise SceneError(f"There is no simulator here. {missing_text(missing.name or 'trimesh')}") from missing
     from ltvn_core.simulation.changes.world import World
     from ltvn_core.simulation.changes.world_script import STATIC
-    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+    from ltvn_core.simulation.rendering.renderer_opening import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene(str(scene_name))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def open_dataset_scene(name: str) -> "DatasetScene":
     """Open a simulated scene for data generation. Raises SceneError."""
     from ltvn_core.network.training_data.pose_sampling import DatasetScene
-    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+    from ltvn_core.simulation.rendering.renderer_opening import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene(name)

@@ -241,9 +241,7 @@ class _Seen(NamedTuple):
 
 class EmbreeRenderer:
     """Casts one ray through the centre of each pixel, and a grid of `supersampling` squared rays where surfaces
-    meet."""
-
-    name = "Embree"
+    meet. Implements `ltvn_core.types.Renderer`."""
 
     def __init__(self, surfaces: Surfaces, *, supersampling: int = 2) -> None:
         """Index the surfaces.

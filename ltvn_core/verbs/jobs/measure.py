@@ -22,7 +22,7 @@ from ltvn_core.predictors.geometric import DRIVING_FILE, write_driving
 from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training.held_out_scenes import TEST_SCENES
 from ltvn_core.verbs.jobs.evaluation_progress import PartSummary

@@ -16,7 +16,7 @@ from ltvn_core.evaluation.likelihood_measurement import SceneFigures, measure_sc
 from ltvn_core.evaluation.predicted_drive import EdgeProposal, predict_drive
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.types import Pose
 

@@ -3,9 +3,7 @@
 import logging
 import platform
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,13 +13,10 @@ from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
-from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.surfaces import SurfaceBuilder, Surfaces
-from ltvn_core.types import Depth, Pose, Renderer
-
-if TYPE_CHECKING:
-    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
+from ltvn_core.types import Depth, Pose
 
 RED, GREEN, GREY = (220, 30, 30), (30, 200, 30), (128, 128, 128)
 LENS = LOCOBOT.camera
@@ -39,20 +34,6 @@ class Seen:
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return load_scene("train-00")
-
-
-def pybullet_renderer(surfaces: Surfaces) -> "PyBulletRenderer":
-    pytest.importorskip("pybullet")
-    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
-
-    return PyBulletRenderer(surfaces)
-
-
-@pytest.fixture(scope="module")
-def tiny(scene: Scene) -> Iterator["PyBulletRenderer"]:
-    camera = pybullet_renderer(scene.surfaces)
-    yield camera
-    camera.close()
 
 
 def test_depth_is_that_of_a_box_room() -> None:
@@ -98,23 +79,6 @@ def test_what_stands_on_the_floor_is_seen_below() -> None:
     assert depth[36:].max() > 1.8
 
 
-def test_both_renderers_measure_the_same_depths(scene: Scene, tiny: Renderer) -> None:
-    camera = EmbreeRenderer(scene.surfaces)
-    for pose in scene.clearance.sample_poses(np.random.default_rng(0), 5, min_clearance_m=0.3):
-        (_, depth), (rgb, other) = camera.render(pose, LENS), tiny.render(pose, LENS)
-        assert np.mean(np.abs(depth - other) < 0.05) >= 0.85
-        assert rgb.shape == (72, 96, 3)
-        assert rgb.std() > 2
-
-
-def test_the_other_renderer_measures_the_depths_of_a_box_room() -> None:
-    camera = pybullet_renderer(_box_room(6.0, 4.0, 2.5))
-    pose = np.array([1.0, 1.0, 0.7])
-    _, depth = camera.render(pose, LENS)
-    camera.close()
-    assert depth == pytest.approx(_depth_in_box(pose, 6.0, 4.0, 2.5), abs=0.01)
-
-
 @pytest.mark.parametrize(
     "lens",
     [CameraModel.from_fov(320, 180, np.deg2rad(69.4), height_m=0.6), CameraModel.from_fov(17, 31, 1.0, height_m=1.2)],
@@ -126,10 +90,9 @@ def test_another_lens_shows_the_same_world(lens: CameraModel) -> None:
     assert depth == pytest.approx(_depth_in_box(pose, 6.0, 4.0, 2.5, lens), abs=2e-3)
 
 
-@pytest.mark.parametrize("camera", [EmbreeRenderer, pybullet_renderer])
-def test_a_camera_tilted_down_sees_the_floor_where_it_points(camera: Callable[[Surfaces], Renderer]) -> None:
+def test_a_camera_tilted_down_sees_the_floor_where_it_points() -> None:
     lens = CameraModel.from_fov(97, 73, np.deg2rad(69.4), height_m=0.6, pitch_rad=-0.5)
-    _, depth = camera(_box_room(6.0, 4.0, 2.5)).render(np.array([1.0, 2.0, 0.0]), lens)
+    _, depth = EmbreeRenderer(_box_room(6.0, 4.0, 2.5)).render(np.array([1.0, 2.0, 0.0]), lens)
     assert depth[36, 48] == pytest.approx(lens.height_m / np.sin(0.5), abs=0.02)
 
 
@@ -149,38 +112,21 @@ def test_smoothing_changes_edges_and_leaves_depth_alone(scene: Scene) -> None:
     assert 0 < changed < 0.6
 
 
-def test_opening_a_camera_says_which_one_and_how_fast(scene: Scene, caplog: pytest.LogCaptureFixture) -> None:
+def test_opening_a_camera_says_how_fast_it_is(scene: Scene, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     camera = open_renderer(scene)
-    assert "Embree" in caplog.text
     assert "per second" in caplog.text
     rgb, depth = camera.render(scene.clearance.sample_poses(np.random.default_rng(3), 1)[0], LENS)
     assert rgb.std() > 2
     assert depth.any()
 
 
-def test_without_embree_the_other_renderer_is_opened(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    pytest.importorskip("pybullet")
-    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
-
-    monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
-    caplog.set_level(logging.INFO)
-    camera = open_renderer(scene)
-    assert isinstance(camera, PyBulletRenderer)
-    camera.close()
-    assert "Embree is missing" in caplog.text
-    assert "TinyRenderer" in caplog.text
-
-
 @pytest.mark.parametrize(("machine", "advice"), [("x86_64", "pip install 'ltvn"), ("aarch64", "ltvn replay")])
-def test_without_any_renderer_the_message_says_what_to_do(
+def test_without_the_renderer_the_message_says_what_to_do(
     machine: str, advice: str, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(platform, "machine", lambda: machine)
     monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
-    monkeypatch.setitem(sys.modules, "ltvn_core.simulation.rendering.pybullet_renderer", None)
     with pytest.raises(SceneError, match=advice):
         open_renderer(scene)
 
@@ -188,7 +134,7 @@ def test_without_any_renderer_the_message_says_what_to_do(
 def test_a_blank_scene_is_refused(scene: Scene) -> None:
     builder = SurfaceBuilder()
     builder.box(builder.texture(_plain(GREY)), (900.0, 900.0, 0.5), (1.0, 1.0, 1.0))
-    with pytest.raises(SceneError, match=r"first image of scene test room .* blank"):
+    with pytest.raises(SceneError, match=r"first image of scene test room.* blank"):
         open_renderer(Seen(builder.build(), scene.clearance))
 
 

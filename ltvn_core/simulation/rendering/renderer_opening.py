@@ -1,7 +1,4 @@
-"""Selects the renderer on this machine: Embree, else PyBullet's software renderer.
-
-Owns the choice, and the check that the first image is not blank.
-"""
+"""Opens the renderer of a scene, and checks that its first image is not blank."""
 
 import logging
 import time
@@ -16,7 +13,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Pose, Renderer
+from ltvn_core.types import Pose
 
 log = logging.getLogger(__name__)
 
@@ -50,47 +47,26 @@ class RenderableScene(Protocol):
         ...
 
 
-def open_renderer(scene: RenderableScene, camera: CameraModel = LOCOBOT.camera) -> Renderer:
-    """Return the best renderer that is installed: Embree, else PyBullet's TinyRenderer.
-
-    Logs which one it is and how fast it renders for `camera`.
+def open_renderer(scene: RenderableScene, camera: CameraModel = LOCOBOT.camera) -> EmbreeRenderer:
+    """Return the renderer of a scene; logs how fast it renders for `camera`.
 
     Raises:
-        SceneError: All images are blank, or no renderer is installed.
+        SceneError: All images are blank, or Embree is not installed.
     """
-    renderer = _installed_renderer(scene)
+    try:
+        renderer = EmbreeRenderer(scene.surfaces)
+    except ImportError as missing:
+        raise SceneError(f"Scene {scene.name} cannot be rendered ({missing}). {missing_text('embreex')}") from missing
     pose = _pose_with_a_view(renderer, camera, scene)
     start = time.perf_counter()
     for _ in range(_TIMED_IMAGES):
         renderer.render(pose, camera)
     rate = _TIMED_IMAGES / (time.perf_counter() - start)
-    log.info("Camera: %s, %.0f frames of %d x %d per second.", renderer.name, rate, camera.width, camera.height)
+    log.info("Camera: %.0f frames of %d x %d per second.", rate, camera.width, camera.height)
     return renderer
 
 
-class _NamedRenderer(Renderer, Protocol):
-    @property
-    def name(self) -> str: ...
-
-
-def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
-    try:
-        return EmbreeRenderer(scene.surfaces)
-    except ImportError as missing:
-        without_embree = missing
-    try:
-        # Imported here, because PyBullet has no wheel for most platforms and Embree is enough.
-        from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
-    except ImportError as missing:
-        raise SceneError(
-            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet can be imported ({without_embree}; "
-            f"{missing}). {missing_text('embreex')}"
-        ) from missing
-    log.warning("Embree is missing (%s); PyBullet renders instead, more slowly.", without_embree)
-    return PyBulletRenderer(scene.surfaces)
-
-
-def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
+def _pose_with_a_view(renderer: EmbreeRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
     """Return a pose (3,) whose image is not blank. One blank image does not prove a failure, because it may show a bare
     wall or the open, so several poses are tried.
 
@@ -102,7 +78,7 @@ def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: Rend
         if (depth > 0).mean() >= _SEEN_SHARE and rgb.std() >= _BLANK_SPREAD:
             return pose
     raise SceneError(
-        f"The first image of scene {scene.name} by {renderer.name}, and those from {_LOOKS - 1} more places on its "
+        f"The first image of scene {scene.name}, and those from {_LOOKS - 1} more places on its "
         "floor, are blank. Is it a mesh of rooms, the right way up? Set the axis that points up or the height of the "
         'floor in the JSON file beside a mesh, for instance {"up": "z", "floor_height": 0.0}; in a scene of ours, '
         "reinstall embreex."

@@ -151,7 +151,7 @@ class JudgingConfig:
 
 @dataclass(frozen=True, slots=True)
 class Likelihoods:
-    """The constants of Eq. 3 and Eq. 4 that depend on the predictor, measured in simulation by `ltvn measure`."""
+    """The constants of Eq. 3 and Eq. 4 that depend on the predictor, measured in simulation."""
 
     p_success_if_reachable: float
     """p(s | r), below 1 (paper)."""

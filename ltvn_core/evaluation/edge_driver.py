@@ -3,34 +3,74 @@
 Each edge is driven in a small map of its own. `ltvn_core.evaluation.query_run` defines arrival.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.evaluation.predicted_drive import EdgeProposal, ImagedScene
 from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import compose
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor, Waypoint
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor, Renderer, Waypoint
+
+if TYPE_CHECKING:
+    from ltvn_core.simulation.scene import Scene
 
 _STEP_LIMIT = 240
 _MAX_LOCALISATIONS = 3
 _START_DRAWS = 20
 _START_CLEARANCE_M = 0.2
 """Clearance of the start, a little more than the robot's radius, in metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImagedScene:
+    """A scene with encoded images at exact poses."""
+
+    scene: "Scene"
+    camera: Renderer
+    keyframes: KeyframeStore
+    """The images, encoded."""
+    poses: Mapping[FrameId, Pose]
+    """(3,) exact pose of each image."""
+    spec: RobotSpec = LOCOBOT
+    """The robot that took the images."""
+
+    def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
+        """Return the image taken farthest from `source`, other than `source` and `other_than`."""
+        here = self.poses[source]
+        others = [frame for frame in self.poses if frame not in (source, other_than)]
+        return max(others, key=lambda frame: float(np.hypot(*(self.poses[frame] - here)[:2])))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeProposal:
+    """An edge that may be driven."""
+
+    source: FrameId
+    target: FrameId
+    waypoint: Waypoint
+    """(3,) waypoint that the edge would have in the map."""
+    reachability: float
+    """The method's r, with temporal support if the method uses it."""
+    true: bool
+    """Whether the edge is true."""
+    connected: bool
+    """Whether the method would add the edge to the map."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,9 @@ import numpy as np
 from joblib import delayed
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.edge_driver import EdgeDriver
+from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal, ImagedScene
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import calibration_bins
-from ltvn_core.evaluation.predicted_drive import EdgeProposal, ImagedScene
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EpisodePlan

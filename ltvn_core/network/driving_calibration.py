@@ -1,6 +1,6 @@
 """Measurements of driving with a set of weights in simulation, the source of the constants of Eq. 3 and Eq. 4.
 
-Part of the model card. `ltvn_core.evaluation.likelihood_measurement` makes the measurements.
+Part of the model card. `tools/measure_driving.py` makes the measurements.
 """
 
 from collections.abc import Mapping
@@ -93,9 +93,8 @@ def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:
         return _checked(cattrs.structure(section, DrivingMeasurements))
     except (cattrs.BaseValidationError, TypeError, ValueError) as error:
         raise WeightsError(
-            f"The part {DRIVING_SECTION!r} of the weights' card is damaged ({error}); write it again with "
-            "`ltvn measure "
-            "--write`."
+            f"The part {DRIVING_SECTION!r} of the weights' card is damaged ({error}); copy the card anew, or remove "
+            "this part of it to use the default constants."
         ) from error
 
 

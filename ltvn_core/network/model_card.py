@@ -120,4 +120,5 @@ class ModelCard:
     """Size of the network, and its inference times on the machine that trained it."""
     measured: HeldOutMetrics
     driving: DrivingMeasurements | None = None
-    """Driving measurements, the source of the constants of Eq. 3 and Eq. 4; None until `ltvn measure --write` ran."""
+    """Driving measurements, the source of the constants of Eq. 3 and Eq. 4; None if they were not
+    measured."""

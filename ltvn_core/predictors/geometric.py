@@ -4,16 +4,14 @@ SIFT key points are matched, and those with depth give the motion of the camera.
 this motion is right, times a factor below 1 where the robot cannot drive straight to the target.
 
 Owns the order of these steps, the cache of compared pairs, and the driving limits; each limit falls gradually, so that
-a small change of an image never changes r abruptly. Also owns the file of driving measurements in simulation, which
-`ltvn measure --predictor geometric --write` writes. Implements `ltvn_core.types.Predictor`.
+a small change of an image never changes r abruptly. Also reads the file of driving measurements in simulation.
+Implements `ltvn_core.types.Predictor`.
 """
 
 import hashlib
-import json
 import logging
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -22,12 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import invert
-from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
+from ltvn_core.network.driving_calibration import likelihoods, read_driving
 from ltvn_core.predictors.geometric_evidence import (
     CALIBRATION_FILE,
     DEPTHS,
@@ -68,17 +65,6 @@ def shipped_likelihoods() -> Likelihoods | None:
     except ValueError as error:
         raise WeightsError(f"{DRIVING_FILE} is damaged ({error}); install the package again.") from error
     return None if measured is None else likelihoods(measured)
-
-
-def write_driving(measured: DrivingMeasurements) -> Path:
-    """Replace the measurements in the file and return its path. Raises WeightsError if it cannot be written."""
-    try:
-        with atomic_replacement(DRIVING_FILE) as part:
-            part.write_text(json.dumps({DRIVING_SECTION: asdict(measured)}, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise WeightsError(f"{DRIVING_FILE}: the measurements could not be written ({error}).") from error
-    shipped_likelihoods.cache_clear()
-    return DRIVING_FILE
 
 
 MAX_PAIRS = 50_000
@@ -254,7 +240,7 @@ class GeometricPredictor:
 
     @property
     def likelihoods(self) -> Likelihoods | None:
-        """Constants that `ltvn measure` measured for it in simulation."""
+        """Constants that were measured for it in simulation."""
         return shipped_likelihoods()
 
     @property

@@ -153,9 +153,6 @@ def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | N
         method = replace(method, building=replace(method.building, merge_distance=nearest))
     constants = likelihoods or card.likelihoods
     if constants is None:
-        log.info(
-            "This predictor has no measured constants, so Eq. 3 and Eq. 4 use the default ones. `ltvn measure --write` "
-            "measures them for weights."
-        )
+        log.info("This predictor has no measured constants, so Eq. 3 and Eq. 4 use the default ones.")
         return method
     return replace(method, believing=replace(method.believing, **asdict(constants)))

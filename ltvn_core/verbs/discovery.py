@@ -24,7 +24,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "finetune",
         "train",
         "dataset",
-        "measure",
         "baseline",
     ),
 }

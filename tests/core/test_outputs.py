@@ -32,7 +32,6 @@ OUTPUTS = (
     "info missing.rrd --json {}.json",
     "judge missing.rrd --report {}.html",
     "lifelong --folder {}",
-    "measure --folder {}",
     "navigate missing.rrd --recording {}.rrd",
     "navigate missing.rrd --recording trip.rrd --output {}.rrd",
     "repair missing.rrd --output {}.rrd",

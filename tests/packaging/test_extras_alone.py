@@ -73,7 +73,7 @@ JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("export", _recording("demo-fault.rrd"), "--html", "map.html", "--svg", "map.svg"),
     ),
     "app": (("plugins",),),
-    "network": (("measure", "--help"),),
+    "network": (("finetune", "--help"),),
     "sim": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
     "place": (("plugins",),),
     "onnx": (("plugins",),),

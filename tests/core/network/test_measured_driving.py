@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ltvn_core.config import ROBUST, Likelihoods, preset
-from ltvn_core.errors import OptionError, WeightsError
+from ltvn_core.errors import WeightsError
 from ltvn_core.graph.beliefs import update_existence
 from ltvn_core.network.driving_calibration import (
     DRIVING_SECTION,
@@ -27,7 +27,6 @@ from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.simulation import oracle_predictor
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
-from ltvn_core.verbs.measure import MeasureVerb
 from tests.core.flat_world import FlatPredictor, one_room
 
 COUNTS = st.integers(0, 400).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))
@@ -40,7 +39,7 @@ def measured(*, there: int = 19, not_there: int = 1, sigma: float = 0.05) -> Dri
     errors = error_table((0.0, 1.0, 2.0), r, r / 10)
     table = calibration_table(r, truth)
     return DrivingMeasurements(
-        "ltvn measure", ("tune-3",), 90, good, bad, good, bad, 2, 1, sigma, 2 * sigma, table, errors, errors
+        "a command", ("tune-3",), 90, good, bad, good, bad, 2, 1, sigma, 2 * sigma, table, errors, errors
     )
 
 
@@ -161,7 +160,7 @@ def test_a_card_of_other_weights_is_neither_written_nor_believed(tmp_path: Path)
 )
 def test_a_damaged_measurement_is_named(damage: dict[str, object]) -> None:
     section = json.loads(json.dumps(asdict(measured()))) | damage
-    with pytest.raises(WeightsError, match="ltvn measure"):
+    with pytest.raises(WeightsError, match="damaged"):
         read_driving({DRIVING_SECTION: section})
 
 
@@ -189,13 +188,6 @@ def test_the_oracle_has_constants_of_its_own_and_explicit_ones_win() -> None:
     mine = Likelihoods(0.7, 0.3, 0.04)
     believing = open_method("robust", oracle, likelihoods=mine).believing
     assert (believing.p_success_if_reachable, believing.p_success_if_not, believing.sigma2) == (0.7, 0.3, 0.04)
-
-
-def test_measuring_nothing_is_refused_before_anything_is_driven() -> None:
-    with pytest.raises(OptionError, match="two or more per scene"):
-        MeasureVerb(attempts=2).run()
-    with pytest.raises(OptionError, match="at least one scene"):
-        MeasureVerb(scenes=()).run()
 
 
 def test_a_measurement_of_weights_that_are_not_there_is_not_written(tmp_path: Path) -> None:

@@ -1,32 +1,44 @@
-"""Measures the constants of Eq. 3 and Eq. 4, and the errors of r and waypoints, on drives through simulated scenes.
+"""Measure the constants of Eq. 3 and Eq. 4, and the errors of r and waypoints, on drives through simulated scenes:
+`python -m tools.measure_driving --predictor geometric --attempts 60 --write`.
 
-Half of the attempts are at true edges and half at false ones, with the same number in each scene. The results of one
-scene can be saved to a file, so that scenes can be measured separately.
+Half of the attempts are at true edges and half at false ones, with the same number in each scene. `--write` puts the
+result into the weights' card, or into the file of the geometric predictor, so that the method uses it.
 """
 
+import argparse
+import json
+import shlex
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from ltvn_core.atomic_files import atomic_replacement
-from ltvn_core.config import Method
-from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.edge_driver import EdgeDriver, MeasuredAttempt
-from ltvn_core.evaluation.predicted_drive import EdgeProposal, EdgeProposals, PredictedDrive, predict_drive
+from ltvn_core.config import Method, preset
+from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal, MeasuredAttempt
 from ltvn_core.geometry import distance
-from ltvn_core.network.driving_calibration import DrivingMeasurements
+from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
 from ltvn_core.network.metrics import SuccessRate, calibration_table, error_table
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.pose_sampling import sample_drive_poses
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
+from ltvn_core.network.weights_file import add_to_card
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.geometric import DRIVING_FILE
+from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.body_names import BodyName
+from ltvn_core.simulation.rendering.renderer_opening import open_renderer
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.training.held_out_scenes import TEST_SCENES
 from ltvn_core.types import Predictor, Renderer
+from tools.edge_proposals import EdgeProposals, PredictedDrive, predict_drive
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene_registry import Scene
@@ -52,35 +64,6 @@ class SceneFigures:
     """Per driven edge: whether it is true, whether the method would add it, whether it was judged a success, and
     whether the robot truly arrived."""
     not_begun: int
-
-    def save(self, path: Path) -> None:
-        """Write a file atomically. Raises OSError."""
-        with atomic_replacement(path) as part, part.open("wb") as file:
-            np.savez_compressed(
-                file,
-                scene=self.scene,
-                images=self.images,
-                errors=self.errors,
-                pairs=self.pairs,
-                attempts=self.attempts,
-                not_begun=self.not_begun,
-            )
-
-    @classmethod
-    def load(cls, path: Path) -> "SceneFigures":
-        """Read a file from `save`. Raises OptionError for any other file."""
-        try:
-            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                return cls(
-                    scene=str(file["scene"]),
-                    images=int(file["images"]),
-                    errors=file["errors"],
-                    pairs=file["pairs"],
-                    attempts=file["attempts"],
-                    not_begun=int(file["not_begun"]),
-                )
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
-            raise OptionError(f"{path} is not the measurement of a scene: {error}") from error
 
 
 def scene_figures(
@@ -191,3 +174,59 @@ def _rate(successes: NDArray[np.bool_]) -> SuccessRate:
 
 def _spread(numbers: NDArray[np.float64]) -> float:
     return float(numbers.std()) if len(numbers) else 0.0
+
+
+def write_driving(measured: DrivingMeasurements, predictor: str, weights: Path) -> Path:
+    """Write measurements to where the method reads its constants. Raises OSError and WeightsError."""
+    likelihoods(measured)  # Refuses figures that cannot be the method's constants.
+    if predictor != "geometric":
+        return add_to_card(weights, DRIVING_SECTION, asdict(measured))
+    with atomic_replacement(DRIVING_FILE) as part:
+        part.write_text(json.dumps({DRIVING_SECTION: asdict(measured)}, indent=2) + "\n", encoding="utf-8")
+    return DRIVING_FILE
+
+
+def main() -> int:
+    """Parse the command line, drive, print the measurements as JSON, and write them if that is asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--predictor", choices=("network", "geometric"), default="network")
+    parser.add_argument("--weights", type=Path, help="Weights of the network instead of the shipped ones.")
+    parser.add_argument("--preset", choices=("robust", "paper"), default="robust")
+    parser.add_argument("--attempts", type=int, default=200, help="Edges to drive in total.")
+    parser.add_argument("--images", type=int, default=150, help="Images of the drive through each scene.")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scenes", nargs="+", default=list(TEST_SCENES))
+    parser.add_argument("--body", choices=("auto", "bullet", "planar"), default="auto")
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    share, more = divmod(options.attempts, len(options.scenes))
+    found: list[SceneFigures] = []
+    with tqdm(total=options.attempts, desc="measure", unit="edge") as bar:
+        for number, name in enumerate(options.scenes):
+            choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
+            spec = simulated_robot(choice.name)
+            scene = load_scene(name)
+            found.append(
+                measure_scene(
+                    scene,
+                    open_renderer(scene, spec.camera),
+                    open_predictor(choice.name, name, options.weights, camera=spec.camera),
+                    preset(options.preset),
+                    attempts=share + (number < more),
+                    images=options.images,
+                    rng=np.random.default_rng([options.seed, number]),
+                    progress=bar.update,
+                    spec=spec,
+                    body=options.body,
+                )
+            )
+    measured = summarise_measurements(found, shlex.join(["python", "-m", "tools.measure_driving", *sys.argv[1:]]))
+    sys.stdout.write(json.dumps(asdict(measured), indent=2) + "\n")
+    if options.write:
+        written = write_driving(measured, options.predictor, options.weights or SHIPPED_WEIGHTS)
+        sys.stderr.write(f"{written} written\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,7 +2,6 @@
 
 from contextlib import closing
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,15 +9,14 @@ import pytest
 pytest.importorskip("embreex")
 
 from ltvn_core.config import ROBUST
-from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.edge_driver import EdgeDriver
-from ltvn_core.evaluation.likelihood_measurement import SceneFigures, measure_scene, summarise_measurements
-from ltvn_core.evaluation.predicted_drive import EdgeProposal, predict_drive
+from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.types import Pose
+from tools.edge_proposals import predict_drive
+from tools.measure_driving import SceneFigures, measure_scene, summarise_measurements
 
 NO_ERRORS = np.zeros((1, 3))
 
@@ -63,20 +61,11 @@ def test_an_oracle_drives_edges_that_exist_with_success() -> None:
 
 
 def test_what_an_oracle_predicts_has_no_error() -> None:
-    figures = summarise_measurements([measured()], "ltvn measure")
+    figures = summarise_measurements([measured()], "a command")
     assert figures.distance_sigma == pytest.approx(0, abs=1e-9)
     assert all(row.position_p90_m == pytest.approx(0, abs=1e-9) for row in figures.error_by_distance if row.pairs)
     assert sum(row.pairs for row in figures.calibration) == 70 * 69
     assert figures.success_if_reachable.trials == 6
-
-
-def test_scenes_that_were_measured_apart_come_together(tmp_path: Path) -> None:
-    measured().save(tmp_path / "demo.measured.npz")
-    kept = SceneFigures.load(tmp_path / "demo.measured.npz")
-    assert summarise_measurements([kept], "ltvn measure") == summarise_measurements([measured()], "ltvn measure")
-    (tmp_path / "torn.measured.npz").write_bytes((tmp_path / "demo.measured.npz").read_bytes()[:200])
-    with pytest.raises(OptionError, match="not the measurement"):
-        SceneFigures.load(tmp_path / "torn.measured.npz")
 
 
 def test_an_edge_through_a_wall_fails_however_sure_the_predictor_is() -> None:

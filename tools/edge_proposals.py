@@ -6,7 +6,7 @@ be reachable in either direction. An edge is false if the robot could not drive 
 too little overlap to be labelled reachable; they are not evidence for Eq. 3. Drives no robot.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
+from ltvn_core.evaluation.edge_driver import EdgeProposal, ImagedScene
 from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher, Matches
@@ -29,26 +30,6 @@ from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predicti
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene import Scene
-
-
-@dataclass(frozen=True, eq=False)
-class ImagedScene:
-    """A scene with encoded images at exact poses."""
-
-    scene: "Scene"
-    camera: Renderer
-    keyframes: KeyframeStore
-    """The images, encoded."""
-    poses: Mapping[FrameId, Pose]
-    """(3,) exact pose of each image."""
-    spec: RobotSpec = LOCOBOT
-    """The robot that took the images."""
-
-    def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
-        """Return the image taken farthest from `source`, other than `source` and `other_than`."""
-        here = self.poses[source]
-        others = [frame for frame in self.poses if frame not in (source, other_than)]
-        return max(others, key=lambda frame: float(np.hypot(*(self.poses[frame] - here)[:2])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,22 +104,6 @@ def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Obs
 
 _MIN_FRAME_GAP = 2
 """Length in frames of a block; of the pairs whose images lie in the same two blocks, only one is used."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EdgeProposal:
-    """An edge that may be driven."""
-
-    source: FrameId
-    target: FrameId
-    waypoint: Waypoint
-    """(3,) waypoint that the edge would have in the map."""
-    reachability: float
-    """The method's r, with temporal support if the method uses it."""
-    true: bool
-    """Whether the edge is true."""
-    connected: bool
-    """Whether the method would add the edge to the map."""
 
 
 class EdgeProposals:

@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def judgement_table(summaries: list[Mapping[str, Any]]) -> ReportTable:
-    """Return a table with a row for each summary, and one for each perturbation in it."""
+    """Return a table with a row for each summary."""
     rows = []
     for summary in summaries:
         name = Path(summary["recording"]).stem
@@ -35,7 +35,6 @@ def judgement_table(summaries: list[Mapping[str, Any]]) -> ReportTable:
         predictor = summary["predictor"] + (f", {Path(own).name}" if (own := summary.get("weights")) else "")
         against = f" against {Path(summary['against']).stem}" if summary["against"] else ""
         rows.append((f"{name}{against}", predictor, *_cells(summary)))
-        rows += [(f"{name}, {worse}", predictor, *_cells(found)) for worse, found in summary["perturbed"].items()]
     head = ("recording", "predictor", *(title for title, _, _ in _COLUMNS))
     return ReportTable(caption="", head=head, rows=tuple(rows), words=2)
 

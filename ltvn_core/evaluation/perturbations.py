@@ -204,13 +204,6 @@ class FrameLoss:
         begins = ends * self.share / (1 - self.share)
         return bool(rng.random() < (1 - ends if was_lost else begins))
 
-    def lost(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-        """Draw which frames (N,) of a drive are lost."""
-        lost = np.zeros(count, bool)
-        for k in range(1, count):
-            lost[k] = self.is_lost(rng, was_lost=bool(lost[k - 1]))
-        return lost
-
 
 DROPPED_FRAMES = "dropped-frames"
 """Name of the loss of frames, which `FrameLoss` draws; not in the table, because it changes no image."""
@@ -259,11 +252,6 @@ def chosen_perturbations(names: Sequence[str]) -> tuple[str, ...]:
 def open_perturbation(name: str, camera: CameraModel) -> Perturbation:
     """Return a perturbation of images of a camera; `name` is one of `PERTURBATIONS` but not `DROPPED_FRAMES`."""
     return _TABLE[name](camera)
-
-
-def perturb_all(observations: Sequence[Observation], perturbation: Perturbation, *, seed: int) -> list[Observation]:
-    """Return worse observations; the perturbation of an image depends only on the seed and on its step."""
-    return [perturbation(seen, np.random.default_rng([seed, abs(seen.step)])) for seen in observations]
 
 
 class PerturbedRobot(RobotView):

@@ -7,7 +7,6 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.verbs.option_types import AUTO, PredictorName
-from ltvn_core.verbs.outputs import ReplacedFile
 from ltvn_core.verbs.verb import Verb
 
 
@@ -37,17 +36,7 @@ class JudgeVerb(Verb):
     completely."""
     left_out: float = 0.2
     """Share of the images, evenly spaced, that are left out of the map and then localised in it."""
-    perturb: tuple[str, ...] = ()
-    """Perturbations of the query images, one after the other: one or several of blur, exposure, flare, depth-holes,
-    lens, noise, white-balance, jpeg, dropped-frames, or all."""
     without_truth: bool = False
     """Check only that the map is connected, which needs no true poses."""
-    revisits: Path | None = None
-    """A matrix of loop closures with a row and a column per image, as text or as an image file, to measure how well
-    places are recognised again. True poses are not needed then."""
-    report: ReplacedFile | None = None
-    """HTML page to write, with images of the worst pairs."""
-    worst: int = 12
-    """Greatest number of pairs of each kind on that page."""
     seed: int = 0
-    """Seed of the pairs, the left-out images, the order of building, and the perturbations."""
+    """Seed of the pairs, the left-out images and the order of building."""

@@ -30,7 +30,6 @@ OUTPUTS = (
     "finetune missing.rrd --output {}.safetensors",
     "import missing --output {}.rrd",
     "info missing.rrd --json {}.json",
-    "judge missing.rrd --report {}.html",
     "lifelong --folder {}",
     "navigate missing.rrd --recording {}.rrd",
     "navigate missing.rrd --recording trip.rrd --output {}.rrd",

@@ -23,8 +23,6 @@ class JudgedSequence:
     """N images of one recording."""
 
     path: Path
-    start_s: float
-    """Stamp of the recording's first image."""
     observations: tuple[Observation, ...]
     """N images, rectified to the predictor's camera."""
     views: TrueViews | None
@@ -39,10 +37,6 @@ class JudgedSequence:
     """The camera of the recording; None if it is the predictor's."""
     is_lens_known: bool = True
     """Whether the lens of that camera is known."""
-
-    def time_s(self, row: int) -> float:
-        """Return the time of an image, in seconds from the beginning of the recording."""
-        return self.observations[row].stamp - self.start_s
 
 
 def read_sequence(
@@ -84,7 +78,6 @@ def read_sequence(
         raise RecordingError(_too_few(recording.path, seen, usable))
     return JudgedSequence(
         path=recording.path,
-        start_s=float(recording.poses.stamps[0]),
         observations=tuple(known),
         views=true_views(known, [tilted[each.step] for each in known]) if with_truth else None,
         without_truth=len(usable) - len(known),
@@ -117,5 +110,5 @@ def _too_few(path: Path, seen: Sequence[Observation], usable: Sequence[Observati
         )
     return (
         f"{path}: the true poses of its images are unknown, so answers cannot be checked. Import it with its ground "
-        "truth; or judge the map alone with --without-truth; or give a loop-closure matrix with --revisits."
+        "truth, or judge the map alone with --without-truth."
     )

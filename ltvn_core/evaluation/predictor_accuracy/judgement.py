@@ -1,4 +1,4 @@
-"""Evaluates a predictor on a recording with true poses: pairs, a map, and localisation, as recorded and perturbed.
+"""Evaluates a predictor on a recording with true poses: pairs, a map, and localisation.
 
 Owns the order of these steps, the choice of images for the map, and the findings about doubtful figures. Reads and
 writes no file.
@@ -13,7 +13,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.perturbations import DROPPED_FRAMES, FrameLoss, open_perturbation, perturb_all
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import (
     JudgedMap,
@@ -26,8 +25,6 @@ from ltvn_core.evaluation.predictor_accuracy.map_accuracy import (
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import (
     PairAccuracy,
     PairCounts,
-    PairSample,
-    PairScores,
     choose_evenly,
     pair_accuracy,
     sample_pairs,
@@ -44,8 +41,6 @@ from ltvn_core.training.drive_path import TrueViews
 from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
-_PERTURBED_SHARE = 4
-"""Divisor of the numbers of pairs that are compared under a perturbation."""
 _FEW_PAIRS = 100
 _SAME_D = 0.005
 """Value of d (Eq. 2) between the motions in odometry and in truth, below which the motions count as equal."""
@@ -67,36 +62,18 @@ class JudgementPlan:
     """Maximum number of far pairs. The maximum for near pairs, which take longer to predict, is an eighth of it."""
     left_out: float = 0.2
     """Share of images, evenly spaced, that are localised in the map and not used to build it."""
-    perturbations: tuple[str, ...] = ()
-    """Names of perturbations, which change source images and not target images."""
     seed: int = 0
 
-    def counts(self, divisor: int) -> PairCounts:
-        """Return the maximum numbers of pairs, divided by a whole number."""
-        return PairCounts(near=max(self.pairs // (_FAR_PER_NEAR * divisor), 1), far=max(self.pairs // divisor, 1))
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Results of the evaluation of a predictor."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """Results as recorded, or under one perturbation."""
-
-    name: str
-    """Name of the perturbation; empty for the results as recorded."""
     pairs: PairAccuracy | None
     """Accuracy of pairs; None without truth."""
     map: MapAccuracy
     localisation: LocalisationAccuracy | None
     """Accuracy of localisation in the map; None without truth."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Judgement:
-    """Results, and the predictions behind them."""
-
-    conditions: tuple[Condition, ...]
-    """Results as recorded, then under each perturbation."""
-    scores: PairScores | None
-    """Predictions as recorded; None without truth."""
     built: JudgedMap
 
 
@@ -133,73 +110,33 @@ class _Judge:
         return _Rows(left_out, np.setdiff1d(np.arange(count), left_out))
 
     def run(self) -> Judgement:
-        """Evaluate the images as recorded, then under each perturbation."""
+        """Evaluate the images."""
         sources = self.targets if self.looking is self.mapped else self._encoded("encode looks", self.looking)
-        sample = self._sample()
-        scores = None if sample is None else self._scored("compare", sources, sample)
-        built = self._built("build", self.rows.mapped)
-        recorded = Condition(
-            name="",
-            pairs=None if scores is None else pair_accuracy(scores, self.system.method.building, self._rng(2)),
-            map=self._map_accuracy("recognise", built),
-            localisation=self._localisation("localise", sources, built),
-        )
-        if sample is not None:
-            sample = sample.thinned(self.plan.counts(_PERTURBED_SHARE), self._rng(3))
-        worse = [self._perturbed(name, recorded, sources, sample, built) for name in self.plan.perturbations]
-        return Judgement(conditions=(recorded, *worse), scores=scores, built=built)
-
-    def _perturbed(
-        self, name: str, recorded: Condition, sources: Features, sample: PairSample | None, built: JudgedMap
-    ) -> Condition:
-        if name == DROPPED_FRAMES:
-            return self._with_lost_frames(recorded, sources)
-        perturbation = open_perturbation(name, self.predictor.camera)
-        worse = perturb_all(self.looking.observations, perturbation, seed=self.plan.seed)
-        with self.bars(f"{name}: encode", len(worse), "image") as progress:
-            sources = encode_sequence(self.predictor, worse, progress)
-        scores = None if sample is None else self._scored(f"{name}: compare", sources, sample)
-        return Condition(
-            name=name,
-            pairs=None if scores is None else pair_accuracy(scores, self.system.method.building, self._rng(2)),
-            map=recorded.map,
-            localisation=self._localisation(f"{name}: localise", sources, built),
+        pairs = self._pair_accuracy(sources)
+        built = self._built()
+        return Judgement(
+            pairs=pairs, map=self._map_accuracy(built), localisation=self._localisation(sources, built), built=built
         )
 
-    def _with_lost_frames(self, recorded: Condition, sources: Features) -> Condition:
-        """Evaluate a map built from the images that arrived; the accuracy of pairs is copied.
-
-        A lost frame does not change other images, so the accuracy of their pairs is the same.
-        """
-        lost = FrameLoss().lost(len(self.mapped.observations), self._rng(4))
-        arrived = self.rows.mapped[~lost[self.rows.mapped]]
-        built = self._built(f"{DROPPED_FRAMES}: build", arrived)
-        return Condition(
-            name=DROPPED_FRAMES,
-            pairs=recorded.pairs,
-            map=self._map_accuracy(f"{DROPPED_FRAMES}: recognise", built),
-            localisation=self._localisation(f"{DROPPED_FRAMES}: localise", sources, built),
-        )
-
-    def _sample(self) -> PairSample | None:
+    def _pair_accuracy(self, sources: Features) -> PairAccuracy | None:
         looking = self.looking.views
         mapped = self.mapped.views
         if looking is None or mapped is None:
             return None
-        return sample_pairs(looking, mapped, most=self.plan.counts(1), rng=self._rng(1))
+        most = PairCounts(near=max(self.plan.pairs // _FAR_PER_NEAR, 1), far=self.plan.pairs)
+        sample = sample_pairs(looking, mapped, most=most, rng=self._rng(1))
+        building = self.system.method.building
+        with self.bars("compare", len(sample.sources), "pair") as progress:
+            scores = score_pairs(self.predictor, sources, self.targets, sample, building, progress=progress)
+        return pair_accuracy(scores, building, self._rng(2))
 
     def _encoded(self, step: str, sequence: JudgedSequence) -> Features:
         with self.bars(step, len(sequence.observations), "image") as progress:
             return encode_sequence(self.predictor, sequence.observations, progress)
 
-    def _scored(self, step: str, sources: Features, sample: PairSample) -> PairScores:
-        with self.bars(step, len(sample.sources), "pair") as progress:
-            return score_pairs(
-                self.predictor, sources, self.targets, sample, self.system.method.building, progress=progress
-            )
-
-    def _built(self, step: str, rows: NDArray[np.intp]) -> JudgedMap:
-        with self.bars(step, len(rows), "image") as progress:
+    def _built(self) -> JudgedMap:
+        rows = self.rows.mapped
+        with self.bars("build", len(rows), "image") as progress:
             return build_judged_map(
                 [self.mapped.observations[row] for row in rows],
                 self.targets[rows],
@@ -210,15 +147,15 @@ class _Judge:
                 progress=_further(progress),
             )
 
-    def _map_accuracy(self, step: str, built: JudgedMap) -> MapAccuracy:
-        with self.bars(step, len(built.observations), "image") as progress:
+    def _map_accuracy(self, built: JudgedMap) -> MapAccuracy:
+        with self.bars("recognise", len(built.observations), "image") as progress:
             return map_accuracy(built, progress=_further(progress))
 
-    def _localisation(self, step: str, sources: Features, built: JudgedMap) -> LocalisationAccuracy | None:
+    def _localisation(self, sources: Features, built: JudgedMap) -> LocalisationAccuracy | None:
         views = _taken(self.looking.views, self.rows.looks)
         if views is None or built.views is None:
             return None
-        with self.bars(step, len(self.rows.looks), "image") as progress:
+        with self.bars("localise", len(self.rows.looks), "image") as progress:
             return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
 
     def _rng(self, purpose: int) -> np.random.Generator:
@@ -296,11 +233,11 @@ def _map_findings(judgement: Judgement, mapped: JudgedSequence, predictor_name: 
         least_width_px=predictor_card(built.predictor).least_width_px,
     )
     # The share is taken from the figures, so that the findings agree with them.
-    return diagnose(drive, coverage._replace(share=judgement.conditions[0].map.largest_piece_share))
+    return diagnose(drive, coverage._replace(share=judgement.map.largest_piece_share))
 
 
 def _pair_findings(judgement: Judgement) -> Iterator[Finding]:
-    pairs = judgement.conditions[0].pairs
+    pairs = judgement.pairs
     if pairs is None:
         return
     for kind, count in (("near", pairs.near_pairs), ("far", pairs.far_pairs)):
@@ -332,7 +269,7 @@ def _odometry_findings(sequence: JudgedSequence) -> Iterator[Finding]:
 
 
 def _look_findings(judgement: Judgement) -> Iterator[Finding]:
-    looks = judgement.conditions[0].localisation
+    looks = judgement.localisation
     if looks is not None and looks.looks_elsewhere:
         yield Finding(
             f"{looks.looks_elsewhere} of {looks.looks + looks.looks_elsewhere} images were taken where the map has no "

@@ -51,20 +51,6 @@ class PairSample:
     far_pairs: int
     """Number of far pairs."""
 
-    def thinned(self, most: PairCounts, rng: np.random.Generator) -> "PairSample":
-        """Return a sample with at most `most` near and far pairs."""
-        kinds = self.is_near, ~self.is_near
-        chosen = [choose_evenly(np.flatnonzero(kind), count, rng) for kind, count in zip(kinds, most, strict=True)]
-        kept = np.sort(np.concatenate(chosen))
-        return PairSample(
-            sources=self.sources[kept],
-            targets=self.targets[kept],
-            is_near=self.is_near[kept],
-            waypoints=self.waypoints[kept],
-            near_pairs=self.near_pairs,
-            far_pairs=self.far_pairs,
-        )
-
 
 def sample_pairs(sources: TrueViews, targets: TrueViews, *, most: PairCounts, rng: np.random.Generator) -> PairSample:
     """Return at most `most` near and far pairs of S sources and T targets, near and far by their true poses.

@@ -34,7 +34,6 @@ def sequence(observations: Sequence[Observation], poses: Pose | None = None) -> 
     views = true_views(truly, [LOCOBOT.camera] * len(truly))
     return JudgedSequence(
         path=Path("drive.rrd"),
-        start_s=0.0,
         observations=tuple(observations),
         views=views,
         without_truth=0,

@@ -124,7 +124,7 @@ class CurvesVerb(Verb):
         """Measure what is missing, and sum up."""
         from tqdm import tqdm
 
-        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
+        from tools.results_page import fill_blocks
 
         self.folder.mkdir(parents=True, exist_ok=True)
         wanted = [(curve.job.__name__, size) for curve in CURVES for size in curve.sizes]

@@ -84,7 +84,7 @@ class NumbersVerb(Verb):
         """Run what is missing, module after module, and sum up."""
         from tqdm import tqdm
 
-        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
+        from tools.results_page import fill_blocks
 
         started = time.monotonic()
         whole = summed_up(self._trial("whole", _EVALUATE))

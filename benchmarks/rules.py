@@ -103,8 +103,8 @@ class RulesVerb(Verb):
 
     def run(self) -> Summary:
         """Run what is missing, scene after scene, and sum up."""
-        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
         from ltvn_core.evaluation.trial_plans import RULES
+        from tools.results_page import fill_blocks
 
         started = time.monotonic()
         rules = self.rule or tuple(rule for rule in RULES if rule.split(".")[0] not in LEARNED_ONLY)

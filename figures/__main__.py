@@ -54,10 +54,10 @@ class FiguresVerb(Verb):
         from figures.baseline_tables import baseline_blocks
         from figures.network_comparisons import comparison_tables
         from figures.network_tables import network_blocks
-        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
         from ltvn_core.systems.registry import baseline_systems
+        from tools.results_page import fill_blocks
 
         weights = self.weights or SHIPPED_WEIGHTS
         rivals = {entry.name: read_card(entry.weights) for entry in baseline_systems()}

@@ -18,7 +18,6 @@ import tyro
 from tqdm import tqdm
 from tyro.conf import Positional, subcommand
 
-from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
 from ltvn_core.evaluation.reports.evaluation_tables import ReportTable
 from ltvn_core.graph.presence.persistent import SightErrors
 from tools.presence_accuracy import (
@@ -28,6 +27,7 @@ from tools.presence_accuracy import (
     fit_filters,
     read_sequences,
 )
+from tools.results_page import fill_blocks
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""`ltvn report`: the results of an evaluation, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
+"""`ltvn report`: the results of an evaluation, as one HTML page and as JSON."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +22,3 @@ class ReportVerb(Verb):
     replaced."""
     failures: int = 12
     """Greatest number of failed episodes to show for each scene, method and stage."""
-    page: ReplacedFile | None = None
-    """A Markdown page in which tables and images are updated, such as docs/results.md."""
-    images: Path = Path("docs/images/results")
-    """Folder for the figures of that page."""
-    section: str = ""
-    """Section of that page: its markers begin with this word and a dash."""

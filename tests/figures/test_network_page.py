@@ -13,13 +13,13 @@ from figures.network_comparisons import comparison_tables
 from figures.network_curves import error_band, reliability_bins
 from figures.network_tables import network_blocks
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
 from ltvn_core.evaluation.reports.figure_style import MAX_BYTES
 from ltvn_core.network.metrics import calibration_error
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card
 from ltvn_core.systems.registry import baseline_systems
 from tests.repository import ROOT
+from tools.results_page import fill_blocks
 
 PAGE = ROOT / "docs" / "network.md"
 

@@ -20,7 +20,6 @@ from figures.network_tables import network_blocks
 from ltvn_core.cli import main
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.evaluation.reports.evaluation_files import find_results
-from ltvn_core.evaluation.reports.evaluation_page import markdown_tables
 from ltvn_core.evaluation.reports.evaluation_tables import overall_table
 from ltvn_core.evaluation.reports.result_rows import rows_of
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
@@ -35,6 +34,7 @@ from tests.core.data.importing.drives import EXCERPT
 from tests.core.data.importing.test_mutated_drives import write_drives
 from tools.golden.answers import NAMES, RECORDINGS
 from tools.golden.files import Row, plain
+from tools.results_page import markdown_tables
 
 MEASUREMENTS = RECORDINGS.parent / "docs" / "measurements"
 

@@ -1,4 +1,4 @@
-"""`ltvn report`: the results of an evaluation, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
+"""`ltvn report`: the results of an evaluation, as one HTML page and as JSON."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,7 @@ from tqdm import tqdm
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.reports.evaluation_files import FoundResults, find_results, with_images
-from ltvn_core.evaluation.reports.evaluation_page import fill_results_page, render_page
+from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import select_failures
 from ltvn_core.evaluation.reports.figure_style import FIGURE_PALETTE
 from ltvn_core.evaluation.results import save_results
@@ -23,9 +23,6 @@ class ReportSummary:
     output: Path
     results: Path
     """JSON file with all results."""
-    page: Path | None
-    pictures: tuple[Path, ...]
-    """Figures for the Markdown page."""
     trials: int
     lifelong: int
     worlds: int
@@ -40,22 +37,10 @@ def write_report(options: ReportVerb) -> Summary:
     _check(options)
     found = find_results(options.folder)
     shown = _write(options, found)
-    pictures = ()
-    if options.page is not None:
-        pictures = fill_results_page(
-            found.drawn,
-            FIGURE_PALETTE,
-            page=options.page,
-            images=options.images,
-            section=options.section,
-            worlds=found.worlds,
-        )
     trials = found.results.trials
     return ReportSummary(
         output=options.output,
         results=_json(options),
-        page=options.page,
-        pictures=pictures,
         trials=len(trials),
         lifelong=len(found.results.lifelong),
         worlds=len(found.worlds),

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.query_result import EncounterCounts, FailureCause, QueryResult
 from ltvn_core.evaluation.reports.evaluation_figures import figures_of
 from ltvn_core.evaluation.reports.evaluation_files import find_results
-from ltvn_core.evaluation.reports.evaluation_page import markdown_tables, render_page
+from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.evaluation.reports.figure_style import FigurePalette
 from ltvn_core.evaluation.results import (
@@ -28,7 +28,13 @@ from ltvn_core.evaluation.results import (
 from ltvn_core.verbs.jobs.report import ReportSummary
 from ltvn_core.verbs.report import ReportVerb
 from tests.core.data.recording import example_recording
-from tests.core.evaluation.reports.fake_results import few_results, make_lifelong_result, make_trial
+from tests.core.evaluation.reports.fake_results import (
+    few_results,
+    make_lifelong_result,
+    make_trial,
+    make_world_result,
+)
+from tools.results_page import markdown_tables
 
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -156,6 +162,24 @@ def test_names_are_never_taken_for_markup(tmp_path: Path) -> None:
     assert command in read.words
     assert "\\|&amp;amp;" in markdown_tables(found)["main"]
     assert "<b>" not in markdown_tables(found)["main"]
+
+
+def test_worlds_that_change_and_people_have_tables_on_the_page(tmp_path: Path) -> None:
+    met = EncounterCounts(
+        encounters=3, touched=1, avoidable=0, gave_way=2, closest_m=0.0, closest_each_m=(0.0, 0.3, 0.6), stood_s=6.0
+    )
+    made = make_world_result()
+    save_results(
+        tmp_path / "people.world.json",
+        replace(made, world="people", queries=(replace(made.queries[0], people=met), *made.queries[1:])),
+    )
+    save_results(tmp_path / "static.world.json", made)
+    summary = ReportVerb(folder=tmp_path, output=tmp_path / "report.html").run()
+    assert isinstance(summary, ReportSummary)
+    assert (summary.worlds, summary.trials) == (2, 0)
+    html = summary.output.read_text(encoding="utf-8")
+    assert "What if the world changes?" in html
+    assert "Whom did it meet?" in html
 
 
 def test_a_folder_without_results_is_a_clear_error(tmp_path: Path) -> None:

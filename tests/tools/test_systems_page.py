@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.evaluation.reports.evaluation_files import find_results
-from ltvn_core.evaluation.reports.evaluation_page import fill_blocks, markdown_tables
 from ltvn_core.evaluation.reports.evaluation_tables import overall_table
 from ltvn_core.evaluation.reports.result_rows import rows_of
 from tests.repository import ROOT
+from tools.results_page import fill_blocks, markdown_tables
 
 PAGES = ROOT / "docs" / "systems.md", ROOT / "docs" / "lab-notebook" / "2026-11-systems.md"
 

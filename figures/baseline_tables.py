@@ -19,7 +19,7 @@ def baseline_blocks(cards: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
         return {"temporal": _table(cards), "temporal-commands": commands}
     except (KeyError, TypeError) as error:
         raise WeightsError(
-            f"The card of a rival's weights lacks {error}; train them with `ltvn baseline`, which writes a whole card."
+            f"The card of a rival's weights lacks {error}; train them with `ltvn train --system`."
         ) from error
 
 

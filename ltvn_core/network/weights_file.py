@@ -114,7 +114,7 @@ def _weights_below(named: Any, path: Path) -> Path:
     if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):
         raise WeightsError(
             f"{path}: adds layers to the weights {wanted.get('fingerprint')}, but {below.name} of this version is "
-            "different; train the layers again with `ltvn baseline`."
+            "different; train the layers again with `ltvn train --system`."
         )
     return below
 
@@ -123,7 +123,7 @@ def _no_weights(path: Path) -> str:
     if path.parent == SHIPPED_WEIGHTS.parent:
         return (
             f"{path}: the installed package does not include the weights of the baselines. Use a checkout of the "
-            f"repository, or train them with `ltvn baseline {path.stem}` and name them with --weights."
+            f"repository, or train them with `ltvn train --system {path.stem}` and name them with --weights."
         )
     return f"{path}: there are no weights; train some with `ltvn train` or name another file."
 

@@ -24,7 +24,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "finetune",
         "train",
         "dataset",
-        "baseline",
     ),
 }
 """Headings of the help, and the verbs below each, in the order that helps a new user."""

@@ -16,7 +16,7 @@ from tests.program import ltvn_here
 from tests.repository import ROOT
 
 OUTPUTS = (
-    "baseline sptm --output {}.safetensors",
+    "train --system sptm --output {}.safetensors",
     "build missing.rrd --output {}.rrd",
     "collect --output {}.rrd",
     "dataset --folder {}",

@@ -18,6 +18,7 @@ from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.shards import Shard, dataset_shards, read_shard, split_shards
 from ltvn_core.network.weights_file import load_weights, save_weights
 from ltvn_core.sole_writer import sole_user
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.training.held_out_scenes import (
     TEST_SCENES,
     VALIDATION_SCENES,
@@ -27,9 +28,12 @@ from ltvn_core.training.held_out_scenes import (
     measure_network,
     training_data_summary,
 )
+from ltvn_core.verbs.jobs.train_baseline import train_baseline
 from ltvn_core.verbs.train import TrainVerb
 from ltvn_core.verbs.verb import Summary
 
+_WORK = Path("data/training")
+_MINUTES = 45.0
 _VALIDATION_DRIVE = 220
 """Number of images of the drive through each validation scene."""
 _SHORT_DRIVE = 60
@@ -64,17 +68,31 @@ class NetworkEvaluationSummary(NetworkMetrics):
 
 def train_network(options: TrainVerb) -> Summary:
     """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+    _check(options)
     if options.evaluate:
         return _evaluate(options)
     output = _checked_output(options)
-    with sole_user(output), sole_user(options.work):
-        return _trained(options, output)
+    if options.system != DEFAULT_SYSTEM:
+        return train_baseline(options, output)
+    work = options.work or _WORK
+    with sole_user(output), sole_user(work):
+        return _trained(options, output, work)
 
 
-def _trained(options: TrainVerb, output: Path) -> TrainSummary:
+def _check(options: TrainVerb) -> None:
+    is_baseline = options.system != DEFAULT_SYSTEM
+    if options.fresh and not is_baseline:
+        raise OptionError("--fresh needs --system; the network of ltvn always starts from random weights.")
+    if is_baseline and (options.evaluate or options.bfloat16 or options.architecture != "aligned-pairs"):
+        raise OptionError(
+            "--evaluate, --architecture and --bfloat16 are for the network of ltvn; leave them or --system out."
+        )
+
+
+def _trained(options: TrainVerb, output: Path, work: Path) -> TrainSummary:
     plan = _plan(options)
     load = LoadTrainingData(options.data, images=_SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE)
-    result = train_distributed(load, plan, options.work, processes=_processes(options))
+    result = train_distributed(load, plan, work, processes=_processes(options))
     network = load_weights(result.weights)
     measured = _measure(options, result.weights)
     card = _card(options, output, plan, result, measure_speed(network), measured)
@@ -89,7 +107,7 @@ def _plan(options: TrainVerb) -> TrainingPlan:
     plan = TrainingPlan(
         Hyperparameters(seed=options.seed),
         default_architecture(options.architecture),
-        minutes=options.minutes,
+        minutes=_minutes(options),
         bfloat16=options.bfloat16,
     )
     if options.architecture == "stacked":  # It runs on the pixels of every pair: validate on fewer.
@@ -119,6 +137,10 @@ def _evaluate(options: TrainVerb) -> NetworkEvaluationSummary:
 def _measure(options: TrainVerb, weights: Path) -> HeldOutMetrics:
     folder = options.data / "unseen"
     return measure_network(weights, folder, options.scenes, clusters=options.clusters, images=options.images)
+
+
+def _minutes(options: TrainVerb) -> float:
+    return _MINUTES if options.minutes is None else options.minutes
 
 
 def _processes(options: TrainVerb) -> int:
@@ -153,7 +175,7 @@ def _card(
         (
             f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
             f"ltvn train --data data --architecture {options.architecture} --output {output.name} "
-            + (f"--minutes {options.minutes:g}" if options.steps is None else f"--steps {options.steps}")
+            + (f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}")
             + f" --processes {_processes(options)} --seed {options.seed}",
         ),
         speed,

@@ -19,7 +19,7 @@ from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights
 from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.verbs.baseline import BaselineVerb
+from ltvn_core.verbs.train import TrainVerb
 from tests.core.network.tiny_data import SMALL
 from tests.core.network.training_data.box_world import two_rooms
 
@@ -81,13 +81,27 @@ def test_pairs_that_are_not_evened_are_drawn_as_often_as_they_occur() -> None:
     assert share[0] > share[1] + 0.05
 
 
-@pytest.mark.parametrize("system", ["ltvn", "sgm", "meng", "brm"])
+@pytest.mark.parametrize("system", ["sgm", "meng", "brm"])
 def test_a_system_whose_network_learns_nothing_of_its_own_is_refused_with_those_that_do(system: str) -> None:
     with pytest.raises(OptionError, match=rf"{system} has no network.*sptm, ving, sorb, htm"):
-        BaselineVerb(baseline=system, output=Path("new.safetensors")).run()
+        TrainVerb(system=system, output=Path("new.safetensors")).run()
 
 
 @pytest.mark.parametrize("system", ["sorb", "htm"])
 def test_layers_that_are_added_to_the_shipped_weights_cannot_learn_from_nothing(system: str) -> None:
     with pytest.raises(OptionError, match=f"{system} adds layers to the shipped weights; leave --fresh out"):
-        BaselineVerb(baseline=system, output=Path("new.safetensors"), fresh=True).run()
+        TrainVerb(system=system, output=Path("new.safetensors"), fresh=True).run()
+
+
+@pytest.mark.parametrize(
+    ("verb", "named"),
+    [
+        (TrainVerb(output=Path("new.safetensors"), fresh=True), "--fresh"),
+        (TrainVerb(system="sptm", evaluate=True), "--evaluate"),
+        (TrainVerb(system="sptm", output=Path("new.safetensors"), architecture="stacked"), "--architecture"),
+        (TrainVerb(system="sptm", output=Path("new.safetensors"), bfloat16=True), "--bfloat16"),
+    ],
+)
+def test_options_of_the_one_network_are_refused_with_those_of_the_other(verb: TrainVerb, named: str) -> None:
+    with pytest.raises(OptionError, match=named):
+        verb.run()

@@ -1,4 +1,4 @@
-"""`ltvn baseline`: trains our network on the labels of a rival, on random walks, for a fair comparison.
+"""`ltvn train --system NAME`: trains our network on the labels of a rival, on random walks, for a fair comparison.
 
 Started from the shipped weights, it is the strongest rival that we can train; started from random weights, it is the
 rival of the paper. Some rivals add layers to the shipped weights; then only these layers are trained and saved.
@@ -21,9 +21,11 @@ from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_summary
 from ltvn_core.training.simulated_scenes import labelled_walks
-from ltvn_core.verbs.baseline import BaselineVerb
 from ltvn_core.verbs.jobs.dataset import DEFAULT_SCENE_PREFIXES
-from ltvn_core.verbs.verb import Summary
+from ltvn_core.verbs.train import TrainVerb
+
+_MINUTES = 8.0
+"""Time for training where no option gives it, in minutes."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +46,19 @@ class BaselineSummary:
     """Figures of the new weights, by the rival's labels."""
 
 
-def train_baseline(options: BaselineVerb) -> Summary:
+def train_baseline(options: TrainVerb, output: Path) -> BaselineSummary:
     """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
-    _check_options(options)
+    _check_options(options, output)
     data = _data(options)
     plan = _plan(options)
-    work = options.work or options.data / options.baseline
+    work = options.work or _walks(options) / options.system
     with sole_user(work):
         result = train(data, plan, work, start=_start(options, work))
     learned = _learned(options, result.weights)
-    card = _card(options, data, plan, result, learned)
-    fingerprint = save_weights(load_weights(learned), options.output, asdict(card), added_to=_below(options))
+    card = _card(options, output, data, plan, result, learned)
+    fingerprint = save_weights(load_weights(learned), output, asdict(card), added_to=_below(options))
     return BaselineSummary(
-        weights=options.output,
+        weights=output,
         fingerprint=fingerprint,
         images=card.trained_on.images,
         pairs=card.trained_on.pairs,
@@ -68,24 +70,24 @@ def train_baseline(options: BaselineVerb) -> Summary:
     )
 
 
-def _check_options(options: BaselineVerb) -> None:
-    _temporal_learning(options.baseline)
-    if not (options.minutes > 0 and (options.steps is None or options.steps > 0)):
+def _check_options(options: TrainVerb, output: Path) -> None:
+    _temporal_learning(options.system)
+    if not (_minutes(options) > 0 and (options.steps is None or options.steps > 0)):
         raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
     if options.fresh and _below(options):
-        raise OptionError(f"{options.baseline} adds layers to the shipped weights; leave --fresh out.")
-    if options.output.suffix != ".safetensors" or options.output.exists():
-        raise OptionError(f"--output must be a new file that ends in .safetensors, got {options.output}.")
+        raise OptionError(f"{options.system} adds layers to the shipped weights; leave --fresh out.")
+    if output.suffix != ".safetensors":
+        raise OptionError(f"--output must end in .safetensors, got {output}.")
 
 
-def _below(options: BaselineVerb) -> Path | None:
+def _below(options: TrainVerb) -> Path | None:
     """Return the weights to which the rival adds layers; None if it adds none."""
-    return SHIPPED_WEIGHTS if _temporal_learning(options.baseline).added else None
+    return SHIPPED_WEIGHTS if _temporal_learning(options.system).added else None
 
 
-def _start(options: BaselineVerb, work: Path) -> Path | None:
+def _start(options: TrainVerb, work: Path) -> Path | None:
     """Return the initial weights, None for random ones; layers to add are saved with them in the folder `work`."""
-    if (added := _temporal_learning(options.baseline).added) is None:
+    if (added := _temporal_learning(options.system).added) is None:
         return None if options.fresh else SHIPPED_WEIGHTS
     work.mkdir(parents=True, exist_ok=True)
     start = work / "start.safetensors"
@@ -93,7 +95,7 @@ def _start(options: BaselineVerb, work: Path) -> Path | None:
     return start
 
 
-def _learned(options: BaselineVerb, weights: Path) -> Path:
+def _learned(options: TrainVerb, weights: Path) -> Path:
     """Return the file of the new weights as it will be saved; if layers were added, it holds only these, in half
     precision."""
     if _below(options) is None:
@@ -103,23 +105,35 @@ def _learned(options: BaselineVerb, weights: Path) -> Path:
     return added
 
 
-def _length(options: BaselineVerb) -> str:
-    length = f"--minutes {options.minutes:g}" if options.steps is None else f"--steps {options.steps}"
+def _walks(options: TrainVerb) -> Path:
+    return options.data / "walks"
+
+
+def _minutes(options: TrainVerb) -> float:
+    return _MINUTES if options.minutes is None else options.minutes
+
+
+def _length(options: TrainVerb) -> str:
+    length = f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}"
     return length + " --fresh" * options.fresh
 
 
-def _data(options: BaselineVerb) -> TrainingData:
+def _data(options: TrainVerb) -> TrainingData:
     names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
     shards = labelled_walks(
-        _temporal_learning(options.baseline).rule, names, options.data, seed=options.seed, processes=options.processes
+        _temporal_learning(options.system).rule,
+        names,
+        _walks(options),
+        seed=options.seed,
+        processes=options.processes or 2,
     )
     return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
 
-def _plan(options: BaselineVerb) -> TrainingPlan:
+def _plan(options: TrainVerb) -> TrainingPlan:
     return baseline_training_plan(
-        even_distances=_temporal_learning(options.baseline).even_distances,
-        minutes=options.minutes,
+        even_distances=_temporal_learning(options.system).even_distances,
+        minutes=_minutes(options),
         steps=options.steps,
         seed=options.seed,
         fresh=options.fresh or _below(options) is not None,
@@ -127,21 +141,21 @@ def _plan(options: BaselineVerb) -> TrainingPlan:
 
 
 def _card(
-    options: BaselineVerb, data: TrainingData, plan: TrainingPlan, result: TrainingResult, learned: Path
+    options: TrainVerb, output: Path, data: TrainingData, plan: TrainingPlan, result: TrainingResult, learned: Path
 ) -> BaselineCard:
     start = None if options.fresh else SHIPPED_WEIGHTS
     shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
     return BaselineCard(
-        options.baseline,
+        options.system,
         start and weights_fingerprint(start),
         read_card(start) if start and _below(options) is None else None,
-        asdict(_temporal_learning(options.baseline).rule),
+        asdict(_temporal_learning(options.system).rule),
         training_data_summary(shards),
         plan,
         result.steps,
         result.pairs,
         result.seconds / 60,
-        (f"ltvn baseline {options.baseline} --output {options.output.name} {_length(options)} --seed {options.seed}",),
+        (f"ltvn train --system {options.system} --output {output.name} {_length(options)} --seed {options.seed}",),
         evaluate_baseline(load_predictor(start), data.validation) if start else None,
         evaluate_baseline(load_predictor(learned), data.validation),
     )

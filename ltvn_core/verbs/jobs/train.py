@@ -176,7 +176,8 @@ def _card(
             f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
             f"ltvn train --data data --architecture {options.architecture} --output {output.name} "
             + (f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}")
-            + f" --processes {_processes(options)} --seed {options.seed}",
+            + f" --processes {_processes(options)} --seed {options.seed}"
+            + (" --bfloat16" if options.bfloat16 else ""),
         ),
         speed,
         measured,

@@ -30,8 +30,6 @@ class WhatIfThreshold(StrEnum):
     """p below which an edge that failed is pruned."""
     D_L = "D_l"
     """d above which the robot is not at a node, and is lost."""
-    D_M = "D_m"
-    """d below which an image adds no node; changes no plan without a rebuild of the map."""
     D_C = "D_c"
     """d above which no edge is made."""
     BELIEF_WEIGHT = "belief weight"

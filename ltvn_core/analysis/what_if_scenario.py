@@ -1,8 +1,7 @@
 """The planner's problem at one moment, and its plan after hypothetical changes.
 
 Owns the problem (node of the robot, goal, failures of edges), the effect of each change on a copy of the map, and the
-comparison of both plans. Map and recording stay unchanged. `analysis.threshold_dry_run` counts the effect of other
-thresholds on the map.
+comparison of both plans. Map and recording stay unchanged.
 """
 
 import itertools
@@ -217,15 +216,11 @@ def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: 
         case WhatIfThreshold.FAILURE_PENALTY:
             scenario.method = replace(scenario.method, planning=replace(planning, failure_penalty=value))
         case WhatIfThreshold.R_P:
-            _cut(scenario.graph, prunable_edges(scenario.graph, value, scenario.method.believing))
+            _cut(scenario.graph, _prunable(scenario.graph, value, scenario.method.believing))
         case WhatIfThreshold.D_C:
             _cut(scenario.graph, _longer(scenario.graph, value))
             if value > scenario.method.building.connect_distance:
-                scenario.notes.append("A greater D_c makes new edges, so its effect needs a rebuild; try the dry run.")
-        case WhatIfThreshold.D_M:
-            scenario.notes.append(
-                "D_m decides which images become nodes, so its effect needs a rebuild; try the dry run."
-            )
+                scenario.notes.append("A greater D_c makes new edges only when the map is built again.")
         case WhatIfThreshold.D_L:
             _relocalise(scenario, value)
 
@@ -243,8 +238,7 @@ def _relocalise(scenario: WhatIfScenario, value: float) -> None:
         )
 
 
-def prunable_edges(graph: TopologicalGraph, prune_below: float, config: BeliefConfig) -> list[EdgeKey]:
-    """Return the edges that maintenance would prune with this R_p. Linear in edges."""
+def _prunable(graph: TopologicalGraph, prune_below: float, config: BeliefConfig) -> list[EdgeKey]:
     return [key for key, edge in graph.edges.items() if should_prune(edge, prune_below, config)]
 
 

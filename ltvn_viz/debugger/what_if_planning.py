@@ -1,24 +1,14 @@
-"""The slow part of what-if questions: planning both paths, and building both maps, in the worker's thread.
+"""The slow part of what-if questions: planning both paths in the worker's thread.
 
 Owns the calls of `ltvn_core.analysis`, and the choice of offered times of day.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-
 from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
-from ltvn_core.analysis.threshold_dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
-from ltvn_core.analysis.what_if_changes import (
-    WhatIfChange,
-    WhatIfThreshold,
-    WithGoal,
-    WithStart,
-    WithThreshold,
-    WithTime,
-)
+from ltvn_core.analysis.what_if_changes import WhatIfChange, WithGoal, WithStart, WithTime
 from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PlanDifference, PlannerState, PresenceMoment, replan
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay
 from ltvn_core.config import Method
@@ -28,7 +18,6 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, edge_link
 
-_REBUILT = (WhatIfThreshold.D_M, WhatIfThreshold.D_C)
 _ROWS = 12
 OFFERED_TIMES = (WithTime(TimeOfDay(18 * 3600.0)), WithTime(TimeAway(3600.0)), WithTime(TimeAway(DAY_S)))
 """Times that are offered as links; others may be typed."""
@@ -38,8 +27,6 @@ class WhatIfResult(NamedTuple):
     """Result of a what-if question."""
 
     plans: PlanDifference
-    pruned: PruneCounts | None
-    """Numbers of pruned elements; None unless R_p is imagined."""
     asked: PlannerState
     """State of the planner for the new plan."""
 
@@ -63,11 +50,7 @@ def plan_both_ways(
         plans = replan(graph, situation, method, changes, edge_weight_of=edge_weight_of, presence=presence)
     except LtvnError as error:
         return str(error)
-    levels = [
-        each.value for each in changes if isinstance(each, WithThreshold) and each.threshold is WhatIfThreshold.R_P
-    ]
-    pruned = prune_dry_run(graph, levels[-1], method.believing) if levels else None
-    return WhatIfResult(plans, pruned, _placed(situation, changes))
+    return WhatIfResult(plans, _placed(situation, changes))
 
 
 def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> PlannerState:
@@ -78,38 +61,6 @@ def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> Plann
         elif isinstance(each, WithStart):
             situation = replace(situation, source=each.source)
     return situation
-
-
-def with_imagined_thresholds(method: Method, changes: tuple[WhatIfChange, ...]) -> Method | None:
-    """Return the method with the imagined thresholds of Algorithm 1; None if none are imagined."""
-    values = {each.threshold: each.value for each in changes if isinstance(each, WithThreshold)}
-    if not values.keys() & set(_REBUILT):
-        return None
-    building = replace(
-        method.building,
-        merge_distance=values.get(WhatIfThreshold.D_M, method.building.merge_distance),
-        connect_distance=values.get(WhatIfThreshold.D_C, method.building.connect_distance),
-    )
-    reverse = max(method.matching.reverse_within, 1.2 * building.connect_distance)
-    return replace(method, building=building, matching=replace(method.matching, reverse_within=reverse))
-
-
-def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], str]:
-    """Return the computation that rebuilds the live map with both methods; it takes tens of seconds."""
-    live_map = context.live_map
-    method = context.method
-    assert live_map is not None
-
-    def count() -> str:
-        """Count the nodes of both maps; runs in the worker's thread, which owns the images."""
-        rng = np.random.default_rng(0)
-        try:
-            seen = live_map.observations()
-            return rebuild_dry_run(seen, live_map.keyframes, live_map.predictor, method, changed, rng).sentence
-        except LtvnError as error:
-            return str(error)
-
-    return count
 
 
 def presence_moment(context: DebugContext) -> PresenceMoment | None:

@@ -1,4 +1,4 @@
-"""What if: the old and the new plan side by side, and the effect of other thresholds on the map."""
+"""What if: the old and the new plan side by side."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -36,10 +36,8 @@ from ltvn_viz.debugger.what_if_planning import (
     WhatIfOutcome,
     WhatIfResult,
     add_open_edges,
-    count_rebuilt_nodes,
     plan_both_ways,
     presence_moment,
-    with_imagined_thresholds,
 )
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
 from ltvn_viz.wishes.commands import QuestionRequest
@@ -100,7 +98,6 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         overlay = EMPTY_OVERLAY
         if self._changes:
             overlay = self._compared(context, builder)
-            self._rebuilt(context, builder)
         return builder.build(overlay, input_hint="What if (D_c = 1.3, goal 120, at 18:00 …)")
 
     def handle_text(self, context: DebugContext, text: str) -> None:
@@ -182,22 +179,6 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     def _all(self) -> tuple[WhatIfChange, ...]:
         return tuple(self._changes.values())
 
-    def _rebuilt(self, context: DebugContext, builder: AnswerBuilder) -> None:
-        changed = with_imagined_thresholds(context.method, self._all)
-        if changed is None:
-            return
-        if context.live_map is None:
-            builder.add_line(
-                "The number of nodes after a rebuild can be computed only live, where all images are available."
-            )
-            return
-        question = "dry run", self._told
-        counted = context.in_background(question, count_rebuilt_nodes(context, changed))
-        if counted is None:
-            builder.add_pending("Building two maps only to compare them, which takes tens of seconds; queries wait")
-        else:
-            builder.add_line("Rebuilt so: ", Strong(counted))
-
 
 def _typed_request(text: str) -> WhatIfRequest:
     words = " ".join(text.split())
@@ -264,8 +245,6 @@ def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
 
 def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:
     plans = answer.plans
-    if answer.pruned is not None:
-        builder.add_line(answer.pruned.sentence)
     for note in plans.notes:
         builder.add_line(note)
     if plans.old_open != plans.new_open:

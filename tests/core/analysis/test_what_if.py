@@ -5,10 +5,8 @@ import math
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
 
-from ltvn_core.analysis.threshold_dry_run import prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.what_if_changes import (
@@ -22,12 +20,10 @@ from ltvn_core.analysis.what_if_changes import (
     WithThreshold,
 )
 from ltvn_core.analysis.what_if_scenario import PlannerState, planner_state_at, replan
-from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.errors import LtvnError, MapError
-from ltvn_core.graph.builder import build
+from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
-from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     AttemptEnd,
@@ -39,7 +35,6 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.systems.registry import open_system
-from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_DRIVE
 
 
@@ -202,36 +197,3 @@ def test_a_smaller_distance_of_localisation_may_lose_the_robot() -> None:
 def test_what_cannot_be_imagined_is_said(change: WhatIfChange, message: str) -> None:
     with pytest.raises(LtvnError, match=message):
         replan(diamond(), ASKED, ROBUST, [change])
-
-
-def test_a_dry_run_of_pruning_counts_edges_and_pieces() -> None:
-    graph = diamond()
-    counts = prune_dry_run(graph, 0.95)
-    assert set(counts.pruned_edges) == set(graph.edges)
-    assert counts.sentence == "4 edges would go, 5 pieces."
-    assert prune_dry_run(graph, 0.95, replace(PAPER.believing, prune_after_failures=6)).sentence == "No edge would go."
-    assert graph == diamond()
-
-
-def test_a_dry_run_of_a_rebuild_says_how_the_map_would_change() -> None:
-    predictor = FlatPredictor(one_room())
-    drive = list(tour([(1.0, 1.0), (3.0, 1.0), (3.0, 3.0)]))
-    keyframes, rng = KeyframeStore(predictor), np.random.default_rng(1)
-    fine = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.35))
-    graph = TopologicalGraph(build(drive, keyframes, predictor, fine, np.random.default_rng(1)))
-    encoded, frames = predictor.encoded, keyframes.frames
-    coarse = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.8))
-    counts = rebuild_dry_run(drive, keyframes, predictor, fine, coarse, rng)
-    assert counts.before.nodes == len(graph.nodes)
-    assert counts.before.edges == len(graph.edges)
-    assert counts.after.nodes < counts.before.nodes
-    assert counts.sentence.startswith(f"{counts.before.nodes - counts.after.nodes} nodes fewer")
-    assert predictor.encoded - encoded == len(drive) - len(frames)
-    assert keyframes.frames == frames
-    assert rng.bit_generator.state == np.random.default_rng(1).bit_generator.state
-
-
-def test_a_dry_run_without_images_says_that_there_are_none() -> None:
-    predictor = FlatPredictor(one_room())
-    with pytest.raises(MapError, match="trajectory is empty"):
-        rebuild_dry_run([], KeyframeStore(predictor), predictor, ROBUST, ROBUST, np.random.default_rng(1))

@@ -81,21 +81,6 @@ def test_an_edge_that_is_not_in_the_map_can_be_imagined_in(harness: SessionHarne
     assert (source, target) not in harness.state.live_map.graph.edges
 
 
-def test_a_building_threshold_is_answered_by_building_on_the_side(harness: SessionHarness) -> None:
-    before = harness.state.live_map.graph.copy()
-
-    shown = harness.do(c.SubmitText("D_m = 0.8"), ticks=3)
-
-    assert "fewer" in words(shown)
-    assert harness.state.live_map.graph.edges == before.edges
-
-
-def test_a_pruning_threshold_is_counted(harness: SessionHarness) -> None:
-    shown = harness.do(c.SubmitText("R_p = 0.3"), ticks=3)
-
-    assert "edge would go" in words(shown)
-
-
 def test_what_nobody_can_imagine_is_answered_with_what_one_can(harness: SessionHarness) -> None:
     shown = harness.do(c.SubmitText("R_q = 0.3"))
 

@@ -1,8 +1,8 @@
 """Describes an event or a change of the map in one line, and names its edge or node.
 
-The only place where events are put into words: the Rerun log, marks on the slider, breakpoints and the debugger show
-these lines. The exact event is stored beside each line, so nothing parses the text. A new kind of event or change needs
-a `case` here; pyright reports this file until it has one.
+The only place where events are put into words: the Rerun log, marks on the slider and the debugger show these lines.
+The exact event is stored beside each line, so nothing parses the text. A new kind of event or change needs a `case`
+here; pyright reports this file until it has one.
 """
 
 import math
@@ -132,7 +132,7 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
 
 
 def edge_text(edge: EdgeKey) -> str:
-    """Return the name of an edge, in the form that a person can type."""
+    """Return the name of an edge."""
     return f"edge {edge[0]} → {edge[1]}"
 
 

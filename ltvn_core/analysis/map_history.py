@@ -315,24 +315,6 @@ class MapHistory:
         """Return all additions and removals of a node, in order."""
         return self._known(self._by_node, node)
 
-    def belief_before(self, edge: EdgeKey, event: int) -> d.Belief | None:
-        """Return the belief of an edge just before event number `event`; None if the edge is not in the map.
-
-        If the beginning of the recording is missing, the belief is known from its first update. Takes logarithmic time.
-        """
-        self._file()
-        last = _last_before(self._by_edge.get(edge, ()), event, passed_over=d.PresenceObserved)
-        place = self.count_before(event)
-        if last is None or last.epoch != self.changes[place - 1].epoch:
-            return None
-        for node in edge:
-            moved = _last_before(self._by_node.get(node, ()), event)
-            if moved is not None and moved.event > last.event and isinstance(moved.delta, d.NodeDropped):
-                return None
-        if isinstance(last.delta, d.EdgeAdded):
-            return last.delta.edge.belief
-        return last.delta.belief if isinstance(last.delta, d.BeliefUpdated) else None
-
     def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
         """Return the changes of an edge or node up to this copy's last one; the index is shared with the original."""
         self._file()
@@ -375,13 +357,6 @@ class MapHistory:
             # Drop every second one, so that the rest is still spread over the whole run.
             kept = {place: kept[place] for place in sorted(kept)[1::2]}
         self._kept = kept
-
-
-def _last_before(changes: Sequence[MapChange], event: int, *, passed_over: type | tuple[()] = ()) -> MapChange | None:
-    place = bisect_left(changes, event, key=_number) - 1
-    while place >= 0 and isinstance(changes[place].delta, passed_over):
-        place -= 1
-    return changes[place] if place >= 0 else None
 
 
 def _number(change: MapChange) -> int:

@@ -24,8 +24,8 @@ from ltvn_core.analysis.timeline_records import (
 )
 from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
 from ltvn_core.garbage_collection import garbage_collection_paused
-from ltvn_core.graph.deltas import Belief, Cause, NodeAdded
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.deltas import Cause, NodeAdded
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, NodeId, Pose
 
@@ -205,18 +205,6 @@ class Timeline:
     def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
         """Return all attempts along an edge in order, including those that continued past its end."""
         return self._closed.attempts_by_edge.get((source, target), ())
-
-    def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
-        """Return the belief of an edge just before event number `event`; None if the edge is not in the map.
-
-        If the beginning of the recording is missing, the belief is known from its first update. Takes logarithmic time.
-        """
-        return self._maps.belief_before(edge, event)
-
-    def plan_of(self, event: int) -> PlanRecord | None:
-        """Return the plan of event number `event`, None if it is no plan. Takes logarithmic time."""
-        place = bisect_left(self.plans, event, key=lambda plan: plan.event)
-        return self.plans[place] if place < len(self.plans) and self.plans[place].event == event else None
 
     def query_at(self, event: int) -> QueryRecord | None:
         """Return the query to which event number `event` belongs, None if it belongs to none. Takes logarithmic

@@ -64,7 +64,7 @@ def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeI
     return Mark(kind=found.kind, instant=instant, event=index, ids=found.about, happened=event)
 
 
-def is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:
+def _is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:
     """Tell whether a path differs from the rest of the previous path; no path also counts as different."""
     is_rest = nodes == last_plan[len(last_plan) - len(nodes) :] if 0 < len(nodes) <= len(last_plan) else False
     return not is_rest and nodes != last_plan
@@ -85,7 +85,7 @@ def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMar
             return EventMark(MarkKind.FAILURE, (target,) if source is None else (source, target))
         case e.ActionEnded(source=source, target=target, succeeded=False):
             return EventMark(MarkKind.FAILURE, (source, target))
-        case e.Planned(nodes=nodes) if last_plan is not None and is_other_plan(nodes, last_plan):
+        case e.Planned(nodes=nodes) if last_plan is not None and _is_other_plan(nodes, last_plan):
             return EventMark(MarkKind.REPLAN, (*nodes[:1], *nodes[-1:]))
         case e.GraphChanged(delta=delta):
             return None if delta.cause in d.BULK_CAUSES else _mark_of_change(delta)

@@ -1,44 +1,34 @@
-"""Breakpoints: moments at which to stop, live and in a recording, as an editable list."""
+"""Breakpoints: kinds of events at which to stop, live and in a recording, as an editable list."""
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Link, Strong, joined
-from ltvn_core.analysis.breakpoints import (
-    Breakpoint,
-    BreakpointQuantity,
-    BreakpointTrigger,
-    EdgeBeliefBreakpoint,
-    EdgeBreakpoint,
-    EventBreakpoint,
-    LocalisationBreakpoint,
-    NodeBreakpoint,
-    format_breakpoint,
-    parse_breakpoint,
-    prune_threshold_breakpoint,
-)
-from ltvn_core.errors import OptionError
+from ltvn_core.analysis.event_text import edge_text
+from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
-from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, BreakpointStop
+from ltvn_viz.timeline.breakpoint_monitor import Breakpoint, BreakpointMonitor
 from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
-_OFFERED_TRIGGERS = (
-    BreakpointTrigger.PRUNE,
-    BreakpointTrigger.FAILED_ATTEMPT,
-    BreakpointTrigger.REPLAN,
-    BreakpointTrigger.COLLISION,
-    BreakpointTrigger.EXPANSION,
-    BreakpointTrigger.LOST,
-)
-_SMALL_MARGIN = LocalisationBreakpoint(BreakpointQuantity.MARGIN, less=True, value=0.2)
-_REMOVE = "remove "
-_ALL = "all"
+_WORDS: Mapping[MarkKind, str] = {
+    MarkKind.PRUNE: "prune",
+    MarkKind.FAILURE: "failed leg",
+    MarkKind.REPLAN: "replan",
+    MarkKind.COLLISION: "collision",
+    MarkKind.EXPAND: "expand",
+    MarkKind.QUERY_START: "new query",
+    MarkKind.QUERY_END: "end of a query",
+}
+"""The kinds of events at which a run can stop anywhere."""
+_OF_EDGE = (MarkKind.PRUNE, MarkKind.FAILURE)
+_OF_NODE = (MarkKind.PRUNE, MarkKind.FAILURE, MarkKind.QUERY_START)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +45,7 @@ class RemoveBreakpoint(QuestionRequest):
     breakpoint: Breakpoint
 
 
-@dataclass(frozen=True, slots=True)
-class RemoveAllBreakpoints(QuestionRequest):
-    """Remove all breakpoints."""
-
-
-BreakpointRequest: TypeAlias = AddBreakpoint | RemoveBreakpoint | RemoveAllBreakpoints
+BreakpointRequest: TypeAlias = AddBreakpoint | RemoveBreakpoint
 
 
 class BreakpointQuestion(Question[BreakpointRequest]):
@@ -68,106 +53,74 @@ class BreakpointQuestion(Question[BreakpointRequest]):
 
     name = QuestionName.BREAK
     word = QuestionName.BREAK.word
-    verb = "Stop there"
-    about = "The query or the replay stops at an event that you choose. Choose a suggestion or type your own."
+    about = "The query or the replay stops at a kind of event that you choose, anywhere or at a node or an edge."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:
         """Set the breakpoints of `breakpoint_monitor`."""
         self._monitor = breakpoint_monitor
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the breakpoints, the neighbouring stops, and other possible breakpoints."""
+        """Show the breakpoints, where they were met, and other possible breakpoints."""
         builder = AnswerBuilder()
-        self._breakpoints(builder)
-        stops = self._stops(context)
-        if self._monitor.breakpoints:
-            self._found(context, stops, builder)
-        self._offers(context, selection, builder)
-        return builder.build(
-            _overlay(context, self._monitor.breakpoints), input_hint="Stop when (edge 12->40, p(12->40) < 0.5 …)"
-        )
-
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Add a breakpoint, or remove one or "all" of them if the text starts with "remove". Raises OptionError."""
-        self.handle_request(context, _typed_request(text, context))
+        known = self._monitor.breakpoints
+        for each in known:
+            builder.add_line(Strong(_text(each)), " · ", request_link("remove", RemoveBreakpoint(each)))
+        if known:
+            _add_stops(context, self._monitor.stops_among(context.timeline.marks), builder)
+        offers = [each for each in (*_about(selection), *map(Breakpoint, _WORDS)) if each not in known]
+        if offers:
+            builder.add_line("Stop at: ", joined(request_link(_text(each), AddBreakpoint(each)) for each in offers))
+        return builder.build(_overlay(context, known))
 
     def handle_request(self, context: DebugContext, request: BreakpointRequest) -> None:
-        """Add or remove breakpoints. Raises OptionError if the breakpoint to remove is not set."""
-        known = self._monitor.breakpoints
+        """Add or remove a breakpoint."""
+        others = tuple(each for each in self._monitor.breakpoints if each != request.breakpoint)
         match request:
             case AddBreakpoint(fresh):
-                if fresh not in known:
-                    self._set(context, (*known, fresh))
-            case RemoveBreakpoint(gone):
-                self._set(context, _without(known, gone))
-            case RemoveAllBreakpoints():
-                self._set(context, ())
+                self._monitor.breakpoints = (*others, fresh)
+            case RemoveBreakpoint():
+                self._monitor.breakpoints = others
             case _:
                 assert_never(request)
 
-    def _set(self, context: DebugContext, breakpoints: Sequence[Breakpoint]) -> None:
-        self._monitor.change(breakpoints, context.live)
 
-    def _stops(self, context: DebugContext) -> Sequence[BreakpointStop]:
-        return tuple(self._monitor.stops) if context.is_live else self._monitor.stops_of(context.timeline)
-
-    def _breakpoints(self, builder: AnswerBuilder) -> None:
-        for each in self._monitor.breakpoints:
-            builder.add_line(Strong(format_breakpoint(each)), " · ", request_link("remove", RemoveBreakpoint(each)))
-        if len(self._monitor.breakpoints) > 1:
-            builder.add_line(request_link("remove all", RemoveAllBreakpoints()))
-
-    def _found(self, context: DebugContext, stops: Sequence[BreakpointStop], builder: AnswerBuilder) -> None:
-        before = bisect_left(stops, context.step, key=lambda stop: stop.hit.moment.step) - 1
-        after = bisect_right(stops, context.step, key=lambda stop: stop.hit.moment.step)
-        ways = [_jump(stops[before], "◀ previous")] if before >= 0 else []
-        ways += [_jump(stops[after], "next ▶")] if after < len(stops) else []
-        times = "once" if len(stops) == 1 else f"{len(stops)} times" if stops else "nowhere yet"
-        builder.add_line("Met ", joined([Strong(times), *ways]))
-        shown = stops[max(0, after - _ROWS // 2) :][:_ROWS] if not context.is_live else stops[-_ROWS:][::-1]
-        if shown:
-            builder.add_table(("when", "what"), [(_jump(each), each.hit.why) for each in shown])
-
-    def _offers(self, context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
-        offers = [*_about(selection), *map(EventBreakpoint, _OFFERED_TRIGGERS)]
-        offers += [prune_threshold_breakpoint(context.method.believing), _SMALL_MARGIN]
-        fresh = [each for each in offers if each not in self._monitor.breakpoints]
-        links = [request_link(format_breakpoint(each), AddBreakpoint(each)) for each in fresh]
-        builder.add_line("Stop at: ", joined(links))
+def _text(breakpoint_: Breakpoint) -> str:
+    words = _WORDS[breakpoint_.kind]
+    match breakpoint_.ids:
+        case (source, target):
+            return f"{words} of {edge_text((source, target))}"
+        case (node,):
+            return f"{words} at node {node}"
+        case _:
+            return words
 
 
-def _typed_request(text: str, context: DebugContext) -> BreakpointRequest:
-    words = " ".join(text.split())
-    believing = context.method.believing
-    if not words.startswith(_REMOVE):
-        return AddBreakpoint(parse_breakpoint(words, believing))
-    named = words.removeprefix(_REMOVE)
-    return RemoveAllBreakpoints() if named == _ALL else RemoveBreakpoint(parse_breakpoint(named, believing))
+def _add_stops(context: DebugContext, stops: Sequence[Mark], builder: AnswerBuilder) -> None:
+    before = bisect_left(stops, context.step, key=lambda stop: stop.instant.step) - 1
+    after = bisect_right(stops, context.step, key=lambda stop: stop.instant.step)
+    ways = [_jump(context, stops[before], "◀ previous")] if before >= 0 else []
+    ways += [_jump(context, stops[after], "next ▶")] if after < len(stops) else []
+    times = "once" if len(stops) == 1 else f"{len(stops)} times" if stops else "nowhere yet"
+    builder.add_line("Met ", joined([Strong(times), *ways]))
+    shown = stops[max(0, after - _ROWS // 2) :][:_ROWS] if not context.is_live else stops[-_ROWS:][::-1]
+    if shown:
+        builder.add_table(("when", "what"), [(_jump(context, each), each.text) for each in shown])
 
 
-def _without(known: Sequence[Breakpoint], gone: Breakpoint) -> tuple[Breakpoint, ...]:
-    if gone not in known:
-        listed = ", ".join(format_breakpoint(each) for each in known) or "none"
-        raise OptionError(f"{format_breakpoint(gone)!r} is not among the breakpoints; there are: {listed}.")
-    return tuple(each for each in known if each != gone)
-
-
-def _about(selection: Selection) -> tuple[Breakpoint, ...]:
+def _about(selection: Selection) -> Sequence[Breakpoint]:
     if selection.edge is not None:
-        doubtful = EdgeBeliefBreakpoint(BreakpointQuantity.P, selection.edge, less=True, value=0.5)
-        return EdgeBreakpoint(selection.edge), doubtful
-    return () if selection.node is None else (NodeBreakpoint(selection.node),)
+        return [Breakpoint(kind, selection.edge) for kind in _OF_EDGE]
+    return [] if selection.node is None else [Breakpoint(kind, (selection.node,)) for kind in _OF_NODE]
 
 
-def _jump(stop: BreakpointStop, label: str = "") -> Link:
-    return time_link(stop.time_s, label)
+def _jump(context: DebugContext, stop: Mark, label: str = "") -> Link:
+    return time_link(context.seconds(stop.instant), label)
 
 
 def _overlay(context: DebugContext, breakpoints: Sequence[Breakpoint]) -> Overlay:
     """Draw the edges and nodes of the breakpoints."""
-    edges = [each.edge for each in breakpoints if isinstance(each, EdgeBreakpoint | EdgeBeliefBreakpoint)]
-    nodes = [each.node for each in breakpoints if isinstance(each, NodeBreakpoint)]
-    ends = [(context.pose(source), context.pose(target)) for source, target in edges]
+    ends = [tuple(map(context.pose, pair)) for each in breakpoints for pair in pairwise(each.ids)]
+    nodes = [each.ids[0] for each in breakpoints if len(each.ids) == 1]
     strokes = tuple(
         stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
     )

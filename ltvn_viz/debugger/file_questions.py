@@ -24,7 +24,6 @@ from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.debugger.what_if_question import ImagineChange
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, PointAt, Seek
 
 __all__ = ["FileAsk", "FileCase", "ask_file"]
@@ -161,7 +160,7 @@ def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jo
 
 
 def _questions() -> Mapping[str, Question[Any]]:
-    return {question.word: question for question in all_questions(BreakpointMonitor())}
+    return {question.word: question for question in all_questions(None)}
 
 
 def _check(case: FileCase, asked: FileAsk) -> None:

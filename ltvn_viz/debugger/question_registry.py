@@ -35,12 +35,13 @@ _LOG = logging.getLogger(__name__)
 
 
 def all_questions(
-    breakpoint_monitor: BreakpointMonitor, added: Sequence[Callable[[], Any]] = ()
+    breakpoint_monitor: BreakpointMonitor | None, added: Sequence[Callable[[], Any]] = ()
 ) -> tuple[Question[Any], ...]:
     """Return a fresh set of questions in the order of the list, then the installed ones of other packages, then those
     of the classes `added`.
 
-    Breakpoints are kept in `breakpoint_monitor`. A question of others that cannot be used is logged and left out.
+    Breakpoints are kept in `breakpoint_monitor`; without one, nothing can be stopped, and no question offers them. A
+    question of others that cannot be used is logged and left out.
     """
     own = (
         EdgeQuestion(),
@@ -48,7 +49,7 @@ def all_questions(
         DecisionQuestion(),
         WhatIfQuestion(),
         LocalisationQuestion(),
-        BreakpointQuestion(breakpoint_monitor),
+        *(() if breakpoint_monitor is None else (BreakpointQuestion(breakpoint_monitor),)),
         ComparisonQuestion(),
         GroundTruthQuestion(),
         FailureQuestion(),

@@ -278,6 +278,6 @@ def _handle_breakpoint(state: AppState) -> None:
     if isinstance(state.activity, Navigation):
         state.activity.pause()
     how = "Stopped" if held else "Met"
-    state.say(f"{how} at {stop.time_s:.1f} s: {stop.hit.why}. “Stop when …” under “Why” shows it.", Severity.WARN)
+    state.say(f"{how} at {stop.time_s:.1f} s: {stop.why}. “Stop when …” under “Why” shows it.", Severity.WARN)
     for debugger in (state.debugger, *state.own_debuggers.values()):
         debugger.mark_stale()

@@ -1,89 +1,78 @@
-"""Breakpoints that a person set in the page, and the moments at which the live run and recordings met them.
+"""Breakpoints: kinds of events at which the run or its replay stops, anywhere or only at a node or an edge.
 
-Owns the list of breakpoints, the latest stop, and a search that examines each event only once.
-`ltvn_core.analysis.breakpoints` decides whether an event meets a breakpoint; `ltvn_viz.session.session_loop` stops
-there.
+Owns the list of breakpoints and the latest stop. `ltvn_core.analysis.timeline_rows` decides which events get a mark;
+`ltvn_viz.session.session_loop` stops at the marks that a breakpoint names.
 """
 
 from bisect import bisect_right
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
-from ltvn_core.analysis.breakpoints import Breakpoint, BreakpointHit, breakpoint_hit, find_breakpoint_hits
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Mark, MarkKind
+from ltvn_core.types import NodeId
 
 STAMP_EPSILON_S = 1e-6
 """Margin in seconds, larger than the rounding error when the run's start is subtracted from a stamp and added again."""
-_KEPT = 1000
-"""Maximum number of stops that a live run keeps, the latest ones."""
+
+
+class Breakpoint(NamedTuple):
+    """Stop at each event of one kind."""
+
+    kind: MarkKind
+    ids: tuple[NodeId, ...] = ()
+    """A node, or the two nodes of an edge; empty for events anywhere."""
+
+    def is_met_by(self, mark: Mark) -> bool:
+        """Tell whether the run stops at this mark."""
+        return mark.kind is self.kind and self.ids in ((), mark.ids, *((node,) for node in mark.ids))
 
 
 class BreakpointStop(NamedTuple):
-    """A moment at which breakpoints were met."""
+    """A moment at which a breakpoint was met."""
 
     time_s: float
     """Time in seconds after the run's beginning."""
-    hit: BreakpointHit
+    why: str
 
 
 class BreakpointMonitor:
-    """A person's breakpoints, and the moments at which runs met them."""
+    """A person's breakpoints, and the latest stop."""
 
     def __init__(self) -> None:
-        """Start without breakpoints; then watching a run costs no time."""
+        """Start without breakpoints."""
         self.breakpoints: tuple[Breakpoint, ...] = ()
-        self.stops: deque[BreakpointStop] = deque(maxlen=_KEPT)
-        """Stops of the live run, including events from before the breakpoints were set."""
         self._news: BreakpointStop | None = None
-        self._found: WeakKeyDictionary[Timeline, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
 
-    def change(self, breakpoints: Sequence[Breakpoint], live: Timeline) -> None:
-        """Replace all breakpoints, and search the live run so far for them. Linear in its events."""
-        self.breakpoints = tuple(breakpoints)
-        self.stops.clear()
-        self._found.clear()
-        if breakpoints:
-            self.stops.extend(_stops(live, self.breakpoints))
+    def stops_among(self, marks: Sequence[Mark]) -> Sequence[Mark]:
+        """Return the marks that meet a breakpoint, in order."""
+        return [mark for mark in marks if any(each.is_met_by(mark) for each in self.breakpoints)]
 
     def consume(self, live: Timeline) -> None:
         """Check whether the newest event of the live run meets a breakpoint."""
-        if not self.breakpoints:
-            return
-        hit = breakpoint_hit(live, len(live.events) - 1, self.breakpoints)
-        if hit is not None:
-            self._news = BreakpointStop(_time(hit, live.start_s), hit)
-            self.stops.append(self._news)
+        for mark in self.stops_among(live.marks[-1:]):
+            if mark.event == len(live.events) - 1:
+                self.announce(live, mark)
 
-    def announce(self, stop: BreakpointStop) -> None:
-        """Set `stop`, which was found elsewhere, as the latest one."""
-        self._news = stop
+    def announce(self, run: Timeline, mark: Mark) -> None:
+        """Set a mark as the latest stop."""
+        self._news = BreakpointStop(time_of(run, mark), mark.text)
 
     def take_latest(self) -> BreakpointStop | None:
         """Return the latest stop; None if it was returned before."""
         news, self._news = self._news, None
         return news
 
-    def stops_of(self, run: Timeline) -> tuple[BreakpointStop, ...]:
-        """Return all stops of a recording in order. The first call after a change of the breakpoints is linear in the
-        events."""
-        if not self.breakpoints:
-            return ()
-        if run not in self._found:
-            self._found[run] = tuple(_stops(run, self.breakpoints))
-        return self._found[run]
-
-    def first_between(self, run: Timeline, after_s: float, until_s: float) -> BreakpointStop | None:
+    def first_between(self, run: Timeline, after_s: float, until_s: float) -> Mark | None:
         """Return the first stop of a recording with `after_s` < time <= `until_s`, in seconds after the beginning."""
-        stops = self.stops_of(run)
-        place = bisect_right(stops, after_s, key=lambda stop: stop.time_s)
-        return stops[place] if place < len(stops) and stops[place].time_s <= until_s else None
+        if not self.breakpoints:
+            return None
+        first, last = (
+            bisect_right(run.marks, each, key=lambda mark: time_of(run, mark)) for each in (after_s, until_s)
+        )
+        return next(iter(self.stops_among(run.marks[first:last])), None)
 
 
-def _stops(run: Timeline, breakpoints: Sequence[Breakpoint]) -> Iterator[BreakpointStop]:
-    return (BreakpointStop(_time(hit, run.start_s), hit) for hit in find_breakpoint_hits(run, breakpoints))
-
-
-def _time(hit: BreakpointHit, start_s: float) -> float:
-    return max(0.0, hit.moment.stamp - start_s) + STAMP_EPSILON_S
+def time_of(run: Timeline, mark: Mark) -> float:
+    """Return the time of a mark in seconds after the beginning, rounded up so that a seek never ends just before it."""
+    return max(0.0, mark.instant.stamp - run.start_s) + STAMP_EPSILON_S

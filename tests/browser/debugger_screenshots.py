@@ -82,7 +82,7 @@ def where(debugger: DebuggerPage) -> None:
 
 
 def breaks(debugger: DebuggerPage) -> None:
-    """Stops at a condition on p."""
+    """Stops at each failed leg."""
     debugger.go_to_failure(1)
     debugger.ask(QuestionName.BREAK)
     debugger.follow("failed leg")

@@ -131,10 +131,10 @@ def test_the_history_leads_to_the_prune(fault: DebuggerPage) -> None:
     assert fault.seconds == pytest.approx(9.6, abs=0.2)
 
 
-def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: DebuggerPage) -> None:
+def test_a_replay_stops_at_a_breakpoint(fault: DebuggerPage) -> None:
     fault.go_to_failure(1)
     fault.ask(QuestionName.BREAK)
-    fault.tell("prune")
+    fault.follow("prune")
     assert "once" in fault.says("Met <b>once</b>")
     fault.page.keyboard.press("Escape")
     fault.page.get_by_role("button", name="play", exact=True).click()

@@ -23,7 +23,6 @@ SELDOM = {"where": 4, "truth": 4}
 TEXTS = {
     "what-if": ("without {0}->{1}", "goal {0}", "D_c = 1.3"),
     "compare": ("demo-map.rrd",),
-    "break": ("edge {0}->{1}",),
 }
 """Texts for questions that take one; the numbers are the nodes of an edge."""
 

@@ -33,7 +33,7 @@ from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
-from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
+from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, time_of
 from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
 
@@ -178,10 +178,10 @@ class Playback:
         before = self.time_s
         until = self.time_s + TICK_S * self.speed
         stop = self.breakpoint_monitor.first_between(self.timeline, before, until)
-        self.seek(until if stop is None else stop.time_s)
+        self.seek(until if stop is None else time_of(self.timeline, stop))
         self.playing = stop is None and self.time_s < self.length_s
         if stop is not None:
-            self.breakpoint_monitor.announce(stop)
+            self.breakpoint_monitor.announce(self.timeline, stop)
 
     def moment(self) -> RunMoment:
         """Return the state of the run at the current time."""

@@ -13,7 +13,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from tests.repository import RECORDINGS
-from tests.viz.debugger.answer_links import words
+from tests.viz.debugger.answer_links import links, words
 from tests.viz.session_harness import FakeDriver
 
 FAULTS = "demo-fault.rrd"
@@ -43,8 +43,8 @@ def do() -> Iterator[Do]:
 
 
 def test_playing_stops_where_the_first_attempt_fails_at_the_edge_through_the_wall(do: Do) -> None:
-    do(c.ChooseQuestion(QuestionName.BREAK), c.Seek(0.0))
-    do(c.SubmitText("failed leg"), c.Pause())
+    offered = do(c.ChooseQuestion(QuestionName.BREAK), c.Seek(0.0))
+    do(c.FollowLink(next(number for number, label in links(offered) if label == "failed leg")), c.Pause())
 
     stopped = do(ticks=90)
 

@@ -14,7 +14,6 @@ from typing import TypeAlias, assert_never
 import numpy as np
 
 from ltvn_core.analysis.edge_presence_history import presence_as_if
-from ltvn_core.analysis.manual_edits import add_edge
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.what_if_changes import (
@@ -31,7 +30,7 @@ from ltvn_core.analysis.what_if_changes import (
 from ltvn_core.analysis.world_clock import WorldTime, clock_text, time_ahead
 from ltvn_core.config import BeliefConfig, Method
 from ltvn_core.errors import MapError, OptionError
-from ltvn_core.geometry import distance
+from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
 from ltvn_core.graph.maintenance import should_prune
 from ltvn_core.graph.planner import NO_PATH, EdgeWeight, GraphPath, Planner, edge_cost, with_blind_costs
@@ -41,6 +40,8 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId
 
+_MAX_EDGE_DISTANCE = 5.0
+"""Greatest d of a new edge; over a longer distance, the image of the target does not guide the robot."""
 EdgeWeightFactory: TypeAlias = Callable[[Method], EdgeWeight]
 """Returns the cost function for edges of a navigation system, for given thresholds."""
 
@@ -178,9 +179,23 @@ def _force(scenario: WhatIfScenario, key: EdgeKey, belief: Belief | None) -> Non
         if belief is not None:
             _believe(graph, key, belief)
     elif belief is None:
-        graph.apply(add_edge(graph, *key, scenario.method.believing))
+        _force(scenario, key, _fresh_belief(graph, key, scenario.method.believing))
     else:  # The planner uses only beliefs, so the waypoint does not matter.
         graph.apply(EdgeAdded(Edge(*key, PoseRow(belief.mu, 0.0, 0.0), belief), Cause.HAND))
+
+
+def _fresh_belief(graph: TopologicalGraph, key: EdgeKey, config: BeliefConfig) -> Belief:
+    """Return the belief of a new edge: the highest p that the method allows, and the length by odometry."""
+    ends = [np.array(graph.nodes[_node(graph, node)].odometry) for node in key]
+    if key[0] == key[1]:
+        raise MapError(f"Edge {key[0]} -> {key[1]} cannot be added: a node has no edge to itself.")
+    length = float(distance(relative(*ends)))
+    if not length <= _MAX_EDGE_DISTANCE:
+        raise OptionError(
+            f"Edge {key[0]} -> {key[1]} would be {length:.1f} long; an edge joins places in sight of each other, at "
+            f"most {_MAX_EDGE_DISTANCE:g} apart. Choose nearer nodes or join them through others."
+        )
+    return Belief(config.p_cap, length, config.sigma2)
 
 
 def _believe(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:

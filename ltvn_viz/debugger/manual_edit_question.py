@@ -1,4 +1,4 @@
-"""Manual edits: edges pruned, protected, added and given an action, nodes deleted and named, each with its undo."""
+"""Manual edits: edges removed, protected and given an action, each with its undo."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,28 +8,16 @@ from typing import NamedTuple
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, joined
 from ltvn_core.analysis.event_text import describe_delta
-from ltvn_core.analysis.manual_edits import (
-    add_edge,
-    connect_by_action,
-    delete_node,
-    inverse_deltas,
-    mark_goal,
-    protect_edge,
-    remove_edge,
-    rename_node,
-)
+from ltvn_core.analysis.manual_edits import connect_by_action, inverse_deltas, protect_edge, remove_edge
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
-from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.inspection import (
     NOTHING_SELECTED,
-    Label,
     Overlay,
     QuestionAnswer,
     QuestionName,
@@ -39,7 +27,6 @@ from ltvn_viz.session.inspection import (
 from ltvn_viz.wishes.commands import CloseRecording, Command, EditMap, QuestionRequest, Seek
 
 _ROWS = 10
-_NAME = "name"
 _NOW_S = 1e9
 
 
@@ -49,6 +36,7 @@ class ManualEdit(NamedTuple):
     instant: Instant
     words: str
     back: tuple[d.GraphDelta, ...]
+    """Empty for an edit of a node, in a recording of an earlier version."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +54,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
     name = QuestionName.HAND
     word = QuestionName.HAND.word
     verb = "Change the map"
-    about = "Change the live map while you drive. Click a node, or two nodes to join or separate them."
+    about = "Remove, protect or restore edges of the live map while you drive. Click a node, then its neighbour."
 
     def __init__(self) -> None:
         """Start without a selection."""
@@ -93,41 +81,21 @@ class ManualEditQuestion(Question[ConnectByAction]):
         elif self._connecting is not None:
             input_hint = _ask_for_action(self._connecting, builder)
         else:
-            input_hint = self._offers(context, selection, builder)
+            links = [*_about_pair(context.graph, selection)]
+            builder.add_line(joined(links) if links else "Click a node in the scene, then its neighbour.")
         self._list(context, builder, undoable=context.is_live)
         return builder.build(_overlay(context, selection), input_hint)
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
-        """Connect two nodes by the action that was asked for, else name the selected node.
-
-        Raises OptionError, MapError.
-        """
-        if context.is_live and self._connecting is not None:
-            connecting, self._connecting = self._connecting, None
-            return EditMap(_connection(context.graph, connecting, text))
-        node = self._selection.node
-        words = text.split()
-        if not context.is_live or not words or words[0].lower() != _NAME:
-            raise OptionError("Click a node of the live map and write for instance: name kitchen.")
-        if node is None:
-            raise OptionError("First click the node that shall have this name.")
-        return EditMap((rename_node(context.graph, node, " ".join(words[1:])),))
+        """Connect two nodes by the action that was asked for. Raises OptionError, MapError."""
+        if not context.is_live or self._connecting is None:
+            raise OptionError("Click two nodes of the live map, and follow the link that connects them by an action.")
+        connecting, self._connecting = self._connecting, None
+        return EditMap(_connection(context.graph, connecting, text))
 
     def handle_request(self, context: DebugContext, request: ConnectByAction) -> None:
         """Ask for an action."""
         self._connecting = request
-
-    @staticmethod
-    def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> str:
-        graph = context.graph
-        node = selection.node if selection.node in graph.nodes else None
-        links = [*_about_pair(graph, selection, context.method.believing, builder)]
-        links += () if node is None else _about_node(graph, node)
-        if links:
-            builder.add_line(joined(links))
-        else:
-            builder.add_line("Click a node in the scene.")
-        return "" if node is None else f"{_NAME} … (of node {node})"
 
     def _list(self, context: DebugContext, builder: AnswerBuilder, *, undoable: bool) -> None:
         run = context.timeline, context.known_events
@@ -136,7 +104,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
         rows = []
         for each in reversed(self._done[1]):
             seconds = context.seconds(each.instant)
-            undo: Inline = Link("undo", EditMap(each.back)) if undoable else ""
+            undo: Inline = Link("undo", EditMap(each.back)) if undoable and each.back else ""
             rows.append((time_link(seconds), each.words, undo))
         if rows:
             builder.add_table(("when", "changed by hand", ""), rows)
@@ -148,9 +116,7 @@ def _is_now(context: DebugContext) -> bool:
     return context.timeline.count_until(context.instant) == len(context.timeline.events)
 
 
-def _about_pair(
-    graph: TopologicalGraph, selection: Selection, believing: BeliefConfig, builder: AnswerBuilder
-) -> Iterator[Link]:
+def _about_pair(graph: TopologicalGraph, selection: Selection) -> Iterator[Link]:
     pair = selection.pair
     if pair is None or not {*pair} <= graph.nodes.keys():
         return
@@ -160,11 +126,6 @@ def _about_pair(
         yield Link(f"cut {name}", EditMap((remove_edge(graph, *pair),)))
         label = f"{'allow pruning of' if held else 'protect'} {name}"
         yield Link(label, EditMap((protect_edge(graph, *pair, protected=not held),)))
-    else:
-        try:
-            yield Link(f"add {name}", EditMap((add_edge(graph, *pair, believing),)))
-        except OptionError as error:
-            builder.add_line(str(error))
     yield request_link(f"connect {name} by an action", ConnectByAction(pair))
 
 
@@ -185,13 +146,6 @@ def _connection(graph: TopologicalGraph, connecting: ConnectByAction, action: st
     source, target = connecting.edge
     there = connect_by_action(graph, source, target, action)
     return (*there, *connect_by_action(graph, target, source, action)) if connecting.both_ways else there
-
-
-def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:
-    goal = graph.nodes[node].goal
-    label = f"unmark {node} as a goal" if goal else f"mark {node} as a goal"
-    yield Link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
-    yield Link(f"delete {node}", EditMap((delete_node(graph, node),)))
 
 
 def _done(timeline: Timeline) -> Iterator[ManualEdit]:
@@ -231,12 +185,4 @@ def _overlay(context: DebugContext, selection: Selection) -> Overlay:
     nodes = {} if pair is None else {pair[0]: palette.SOURCE, pair[1]: palette.TARGET}
     if selection.node is not None:
         nodes.setdefault(selection.node, palette.SOURCE)
-    return Overlay(strokes, nodes, labels=tuple(_labels(context)))
-
-
-def _labels(context: DebugContext) -> Iterator[Label]:
-    for node in context.graph.nodes.values():
-        pose = context.pose(node.id) if node.name or node.goal else None
-        if pose is not None:
-            text = f"{'★ ' if node.goal else ''}{node.name or node.id}"
-            yield Label((float(pose[0]), float(pose[1])), text)
+    return Overlay(strokes, nodes)

@@ -220,7 +220,7 @@ class HostileMessages:
     def _text(self) -> str:
         uuids = [uuid for uuid, _ in self._targets.elements]
         return self._random.choice(
-            [*uuids, *self._targets.nodes, *self._targets.recordings, "name kitchen", "12 40", "all"]
+            [*uuids, *self._targets.nodes, *self._targets.recordings, "Take the lift", "12 40", "all"]
         )
 
     def _numbers(self, count: int) -> list[float]:

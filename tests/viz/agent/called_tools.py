@@ -46,7 +46,7 @@ _TEXTS = (
         "without 1489->2621",
         "goal 3",
         "all",
-        "name kitchen",
+        "Take the lift",
         "remove all",
         "save this moment",
         "demo-map.rrd",

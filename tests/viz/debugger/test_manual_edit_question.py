@@ -36,27 +36,6 @@ def test_an_edge_is_cut_and_comes_back_as_it_was(harness: SessionHarness) -> Non
     assert harness.state.live_map.graph == before
 
 
-def test_a_deleted_node_comes_back_with_its_edges(harness: SessionHarness) -> None:
-    before, node = harness.state.live_map.graph.copy(), an_edge(harness)[0]
-
-    gone = follow(harness, harness.do(c.PickNode(node)), "delete")
-    graph = harness.state.live_map.graph.copy()
-    follow(harness, gone, "undo")
-
-    assert node not in graph.nodes
-    assert harness.state.live_map.graph == before
-
-
-def test_two_clicked_nodes_are_joined(harness: SessionHarness) -> None:
-    graph = harness.state.live_map.graph
-    source, target = next(pair for pair in itertools.combinations(sorted(graph.nodes), 2) if pair not in graph.edges)
-    harness.do(c.PickNode(source))
-
-    follow(harness, harness.do(c.PickNode(target)), "add")
-
-    assert (source, target) in harness.state.live_map.graph.edges
-
-
 def test_two_nodes_are_connected_by_an_action_in_both_directions_and_the_edge_tells_it(harness: SessionHarness) -> None:
     before = harness.state.live_map.graph.copy()
     pair = next(pair for pair in itertools.combinations(sorted(before.nodes), 2) if pair not in before.edges)
@@ -76,6 +55,15 @@ def test_two_nodes_are_connected_by_an_action_in_both_directions_and_the_edge_te
     assert harness.state.live_map.graph == before
 
 
+def test_nodes_are_neither_added_nor_changed_by_hand(harness: SessionHarness) -> None:
+    graph = harness.state.live_map.graph
+    source, target = next(pair for pair in itertools.combinations(sorted(graph.nodes), 2) if pair not in graph.edges)
+    harness.do(c.PickNode(source))
+    offered = [label for _, label in links(harness.do(c.PickNode(target)))]
+
+    assert offered == [f"connect {source} → {target} by an action"]
+
+
 def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
     edge = an_edge(harness)
 
@@ -87,42 +75,17 @@ def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
     assert not harness.state.live_map.graph.edges[edge].protected
 
 
-def test_a_named_goal_has_a_label_and_is_in_the_recording(harness: SessionHarness) -> None:
-    node = an_edge(harness)[0]
-    harness.do(c.StartRecording(), c.PickNode(node), ticks=2)
-    shown = harness.do(c.SubmitText("name the <big> kitchen"), ticks=3)
-
-    shown = follow(harness, shown, "as a goal")
+def test_a_change_is_in_the_recording_which_itself_cannot_be_changed(harness: SessionHarness) -> None:
+    edge = an_edge(harness)
+    harness.do(c.StartRecording(), ticks=2)
+    follow(harness, harness.do(c.PointAt(*edge)), "cut")
     harness.do(c.KeepRecording())
+
     replayed = harness.do(c.OpenRecording(harness.writers[-1].path.name, at_s=1e9), ticks=3)
 
-    assert harness.state.live_map.graph.nodes[node].name == "the <big> kitchen"
-    assert [label.text for label in shown.inspection.answer.overlay.labels] == ["★ the <big> kitchen"]
-    assert [label.text for label in replayed.inspection.answer.overlay.labels] == ["★ the <big> kitchen"]
-    assert "the <big> kitchen" in words(replayed)
-    assert "<big>" not in replayed.inspection.html
+    assert f"edge {edge[0]} → {edge[1]} pruned (hand)" in words(replayed)
     assert "A recording cannot be changed" in words(replayed)
     assert not [label for _, label in links(replayed) if label == "undo"]
-
-
-def test_a_name_is_asked_for_only_when_a_node_is_chosen(harness: SessionHarness) -> None:
-    shown = harness.do(c.SubmitText("name kitchen"))
-
-    assert shown.inspection.answer.input_hint == ""
-    assert shown.message is not None
-    assert "click the node" in shown.message.text
-
-
-def test_a_name_that_is_taken_is_refused_with_its_holder(harness: SessionHarness) -> None:
-    first, second = an_edge(harness)
-    harness.do(c.PickNode(first))
-    harness.do(c.SubmitText("name kitchen"), ticks=3)
-
-    harness.do(c.PickNode(second))
-    shown = harness.do(c.SubmitText("name kitchen"))
-
-    assert shown.message is not None
-    assert f"Node {first} is called 'kitchen' already" in shown.message.text
 
 
 def test_the_map_is_not_changed_while_the_robot_drives_by_itself(harness: SessionHarness) -> None:

@@ -21,7 +21,8 @@ def main(path: Path) -> None:
         print(f"query {query.id}: to node {query.goal}, {len(query.attempts)} attempts, {query.outcome}")
     for failure in ltvn.analysis.failed_queries(timeline):
         print(
-            f"query {failure.query.id} failed ({failure.failure_mode}) at step {failure.instant.step}: {failure.text}"
+            f"query {failure.query.id} failed ({failure.ending}, {failure.failure_mode}) at step "
+            f"{failure.instant.step}: {failure.text}"
         )
 
     source, target = max(timeline.graph_at().edges, key=lambda ends: len(timeline.attempts_of_edge(*ends)))

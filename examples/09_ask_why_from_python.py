@@ -19,7 +19,7 @@ def main(path: Path) -> None:
     case = FileCase(path)
     failures = ltvn.analysis.failed_queries(case.timeline)
     for failure in failures:
-        print(f"query {failure.query.id} failed ({failure.failure_mode}): {failure.text}")
+        print(f"query {failure.query.id} failed ({failure.ending}, {failure.failure_mode}): {failure.text}")
 
     for failure in failures[-1:]:
         print(f"\n--- Query {failure.query.id}, as the page answers")

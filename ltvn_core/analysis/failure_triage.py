@@ -19,6 +19,9 @@ from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import (
+    ActionEnded,
+    AttemptEnd,
+    AttemptEnded,
     AttemptStarted,
     Collided,
     Event,
@@ -26,6 +29,7 @@ from ltvn_core.navigation.events import (
     Localised,
     Outcome,
     Planned,
+    QueryEnded,
     Severity,
 )
 from ltvn_core.types import NodeId
@@ -110,16 +114,31 @@ def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
 
 
 class FailureMode(StrEnum):
-    """How a failed query ended: the word of its own outcome, or an arrival that was wrong."""
+    """What made a query fail, by the event at which it began to go wrong."""
 
-    WRONG_ARRIVAL = "wrong arrival"
-    """The robot declared arrival, but the evaluation says that it was wrong."""
-    LOST = Outcome.LOST
-    """The robot gave up, because it did not recognise where it was."""
-    NO_PATH = Outcome.NO_PATH
-    COLLISION_LIMIT = Outcome.COLLISION_LIMIT
-    STEP_LIMIT = Outcome.STEP_LIMIT
-    CANCELLED = Outcome.CANCELLED
+    ODOMETRY = "odometry"
+    """By odometry the robot got to the end of an edge, but the image there shows another place."""
+    FALSE_EDGE = "false edge"
+    """An edge could not be driven in its steps though nothing was in the way, or it led to a place that was taken for
+    the goal."""
+    OBSTRUCTED = "obstructed"
+    """Something was in the way, or an action that opens the way failed."""
+    NOT_RECOGNISED = "not recognised"
+    """The images showed neither where the robot was nor a way to the goal."""
+
+
+def _failure_mode(event: Event) -> FailureMode:
+    match event:
+        case Collided() | ActionEnded() | AttemptEnded(end=AttemptEnd.COLLISION | AttemptEnd.BLOCKED):
+            return FailureMode.OBSTRUCTED
+        case QueryEnded(outcome=Outcome.COLLISION_LIMIT):
+            return FailureMode.OBSTRUCTED
+        case AttemptEnded(end=AttemptEnd.REACHED):
+            return FailureMode.ODOMETRY
+        case AttemptEnded(end=AttemptEnd.TIMEOUT) | QueryEnded(outcome=Outcome.ARRIVED):
+            return FailureMode.FALSE_EDGE
+        case _:
+            return FailureMode.NOT_RECOGNISED
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +159,11 @@ class FailedQuery:
     """Last node at which the robot was localised; None if there is none."""
     pose: PoseRow | None
     """Pose of that node by odometry."""
+
+    @property
+    def ending(self) -> str:
+        """How the query ended: the word of its own outcome, or an arrival that the evaluation calls wrong."""
+        return "wrong arrival" if self.query.outcome is Outcome.ARRIVED else str(self.query.outcome)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +214,7 @@ def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
     )
     return FailedQuery(
         query=query,
-        failure_mode=_failure_mode(query),
+        failure_mode=_failure_mode(timeline.events[setback.event].event),
         instant=_second_before(timeline, query, setback.event),
         event=setback.event,
         text=setback.text,
@@ -210,12 +234,6 @@ def _setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
 def _ending(query: QueryRecord) -> str:
     off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
     return f"The query ended: {query.outcome}{off}."
-
-
-def _failure_mode(query: QueryRecord) -> FailureMode:
-    if query.outcome is Outcome.ARRIVED:
-        return FailureMode.WRONG_ARRIVAL
-    return FailureMode(query.outcome or Outcome.CANCELLED)
 
 
 def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:

@@ -6,9 +6,10 @@ Owns this part of the answer to “What failed?”. `ltvn_core.analysis.map_faul
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ltvn_core.analysis.failure_triage import FailedQuery, FailureMode
+from ltvn_core.analysis.failure_triage import FailedQuery
 from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted_edges, map_gap
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, edge_link
@@ -39,7 +40,7 @@ def add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerB
 
 
 def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFaults]:
-    is_without_way = failure.failure_mode is FailureMode.NO_PATH
+    is_without_way = failure.query.outcome is Outcome.NO_PATH
     start: NodeId | None = failure.node if is_without_way else None
 
     def search() -> MapFaults:

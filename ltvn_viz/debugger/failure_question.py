@@ -24,6 +24,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import Outcome
 from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import FrameId
@@ -34,12 +35,10 @@ from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionA
 from ltvn_viz.wishes.commands import ChooseQuestion, PointAt, QuestionRequest
 
 _NEXT = {
-    FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE, QuestionName.DECISIONS),
-    FailureMode.LOST: (QuestionName.WHERE, QuestionName.EDGE),
-    FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
-    FailureMode.COLLISION_LIMIT: (QuestionName.EDGE, QuestionName.DECISIONS),
-    FailureMode.STEP_LIMIT: (QuestionName.EDGE, QuestionName.DECISIONS),
-    FailureMode.CANCELLED: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.ODOMETRY: (QuestionName.WHERE, QuestionName.EDGE),
+    FailureMode.FALSE_EDGE: (QuestionName.EDGE, QuestionName.WHERE, QuestionName.DECISIONS),
+    FailureMode.OBSTRUCTED: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.NOT_RECOGNISED: (QuestionName.WHERE, QuestionName.TRUTH, QuestionName.WHAT_IF),
 }
 """Follow-up questions."""
 WINDOW = 10
@@ -172,9 +171,8 @@ class FailureQuestion(Question[ShowFailures]):
 def _row(context: DebugContext, failure: FailedQuery, *, is_later: bool = False) -> tuple[Inline, ...]:
     node = "–" if failure.node is None else Link(str(failure.node), PointAt(failure.node))
     judged = failure.query.judged
-    is_wrong = failure.failure_mode is FailureMode.WRONG_ARRIVAL
-    missed = f", {judged.position_error_m:.2f} m off" if is_wrong and judged is not None else ""
-    cause = Hint(f"{failure.failure_mode}{missed}", "" if is_later else failure.text)
+    missed = f", {judged.position_error_m:.2f} m off" if failure.query.outcome is Outcome.ARRIVED and judged else ""
+    cause = Hint(f"{failure.ending}{missed}: {failure.failure_mode}", "" if is_later else failure.text)
     return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node
 
 
@@ -206,7 +204,9 @@ def _detail(
     wrong = time_link(context.seconds(context.timeline.instant(failure.event)))
     began = time_link(context.seconds(query.begin))
     failed = Strong(f"query {query.id}")
-    builder.add_line(heading, failed, f" to node {query.goal}, begun at ", began, f": {failure.failure_mode}.")
+    builder.add_line(
+        heading, failed, f" to node {query.goal}, begun at ", began, f": {failure.ending}, {failure.failure_mode}."
+    )
     builder.add_line(wrong, f" {failure.text}")
     builder.add_line(_what_to_ask(failure, "It drove"))
     add_map_faults(context, failure, builder)
@@ -216,7 +216,7 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
     """Add a separate line and table about failures after the moment: whoever goes back in time still has them."""
     failure = later[0]
     run = "run" if context.is_live else "recording"
-    named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
+    named = f"query {failure.query.id} fails, {failure.ending}, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
     builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"))
     builder.add_table(("later", *_HEAD), [_row(context, each, is_later=True) for each in later[:_ROWS]])

@@ -51,7 +51,7 @@ def test_images_of_ones_own_become_a_map(tmp_path: Path) -> None:
 
 def test_a_recording_answers_what_failed(tmp_path: Path) -> None:
     said = run("02_replay_and_query.py", cwd=tmp_path)
-    assert "query 3 failed (no path)" in said
+    assert "query 3 failed (no path, not recognised)" in said
     assert "p 0.95" in said
 
 
@@ -75,7 +75,7 @@ def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
 def test_questions_are_answered_from_python(tmp_path: Path) -> None:
     said = run("09_ask_why_from_python.py", cwd=tmp_path)
     assert said.count(" failed (") >= 4
-    assert "query 2 failed (wrong arrival)" in said
+    assert "query 2 failed (wrong arrival, false edge)" in said
     assert "The first map has a gap" in said
     assert "It was removed at 9.6 s because attempt 7 failed." in said
     assert "gone at step 3383: It was pruned after attempt 7" in said

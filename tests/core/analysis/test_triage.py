@@ -7,7 +7,17 @@ from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
-from ltvn_core.navigation.events import Collided, Judged, Note, Outcome, Planned, QueryStarted, Severity, StampedEvent
+from ltvn_core.navigation.events import (
+    AttemptEnd,
+    Collided,
+    Judged,
+    Note,
+    Outcome,
+    Planned,
+    QueryStarted,
+    Severity,
+    StampedEvent,
+)
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE
 
@@ -35,7 +45,8 @@ def test_a_drive_without_failures_has_none() -> None:
 
 def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:
     (failure,) = failed_queries(example_runs.timeline())
-    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.STEP_LIMIT)
+    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.OBSTRUCTED)
+    assert failure.ending == "step limit"
     assert failure.text == "Collision 1 of query 0."
     assert (failure.instant.step, failure.instant.stamp) == (45, pytest.approx(4.5))
     assert (failure.edge, failure.node) == ((1, 2), 1)
@@ -77,25 +88,48 @@ def test_too_many_collisions_are_put_where_most_happened() -> None:
         *example_runs.at(80, example_runs.failed(second, 80), example_runs.ended(0, 2, Outcome.COLLISION_LIMIT)),
     ]
     (failure,) = failed_queries(Timeline.of(run))
-    assert (failure.failure_mode, failure.node, failure.instant.step) == (FailureMode.COLLISION_LIMIT, 1, 60)
+    assert (failure.failure_mode, failure.node, failure.instant.step) == (FailureMode.OBSTRUCTED, 1, 60)
 
 
 @pytest.mark.parametrize(
     ("outcome", "failure_mode"),
     [
-        (Outcome.ARRIVED, FailureMode.WRONG_ARRIVAL),
-        (Outcome.LOST, FailureMode.LOST),
-        (Outcome.NO_PATH, FailureMode.NO_PATH),
-        (Outcome.COLLISION_LIMIT, FailureMode.COLLISION_LIMIT),
-        (Outcome.STEP_LIMIT, FailureMode.STEP_LIMIT),
+        (Outcome.ARRIVED, FailureMode.FALSE_EDGE),
+        (Outcome.LOST, FailureMode.NOT_RECOGNISED),
+        (Outcome.NO_PATH, FailureMode.NOT_RECOGNISED),
+        (Outcome.COLLISION_LIMIT, FailureMode.OBSTRUCTED),
+        (Outcome.STEP_LIMIT, FailureMode.NOT_RECOGNISED),
     ],
 )
-def test_each_outcome_is_some_failure_mode(outcome: Outcome, failure_mode: FailureMode) -> None:
+def test_the_end_of_a_query_names_the_cause_where_nothing_went_wrong_before(
+    outcome: Outcome, failure_mode: FailureMode
+) -> None:
     run = [*example_runs.square(), *query(0, 20, outcome, reached=False, place=None)]
     (failure,) = failed_queries(Timeline.of(run))
     assert failure.failure_mode is failure_mode
+    assert failure.ending == ("wrong arrival" if outcome is Outcome.ARRIVED else outcome)
     assert failure.instant.step == 20
     assert (failure.node, failure.pose) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("end", "failure_mode"),
+    [
+        (AttemptEnd.COLLISION, FailureMode.OBSTRUCTED),
+        (AttemptEnd.BLOCKED, FailureMode.OBSTRUCTED),
+        (AttemptEnd.REACHED, FailureMode.ODOMETRY),
+        (AttemptEnd.TIMEOUT, FailureMode.FALSE_EDGE),
+        (AttemptEnd.LOST, FailureMode.NOT_RECOGNISED),
+    ],
+)
+def test_the_failed_leg_at_which_a_query_began_to_go_wrong_names_the_cause(
+    end: AttemptEnd, failure_mode: FailureMode
+) -> None:
+    begun = example_runs.attempt_started(0, 1, 0, 1, 22)
+    run = [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False)]
+    run[-2:-2] = [*example_runs.at(22, begun), *example_runs.at(26, example_runs.failed(begun, 26, end))]
+    (failure,) = failed_queries(Timeline.of(run))
+    assert failure.failure_mode is failure_mode
 
 
 def test_a_query_is_called_by_its_own_outcome_whatever_cost_its_steps() -> None:
@@ -106,7 +140,7 @@ def test_a_query_is_called_by_its_own_outcome_whatever_cost_its_steps() -> None:
         [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False), *lost], key=lambda at: at.step
     )
     (failure,) = failed_queries(Timeline.of(run))
-    assert failure.failure_mode is FailureMode.STEP_LIMIT
+    assert failure.ending == Outcome.STEP_LIMIT
 
 
 def test_a_denied_arrival_counts_as_a_setback() -> None:
@@ -139,8 +173,8 @@ def test_failures_are_grouped_by_failure_mode_and_by_place() -> None:
         run += query(number, 20 + 20 * number, outcome, reached=False, place=place)
     failures = failed_queries(Timeline.of(run))
     assert {failure_mode: len(group) for failure_mode, group in group_by_failure_mode(failures).items()} == {
-        FailureMode.LOST: 3,
-        FailureMode.WRONG_ARRIVAL: 1,
+        FailureMode.NOT_RECOGNISED: 3,
+        FailureMode.FALSE_EDGE: 1,
     }
     places = group_by_place(failures, radius_m=1.5)
     assert [place.nodes for place in places] == [(0, 1), (3,), ()]

@@ -165,7 +165,7 @@ def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> 
     assert "1 of 2 queries failed" in words(listed)
     assert "Later" not in words(listed)
     assert len(listed.inspection.answer.overlay.strokes) == 1
-    assert follow(past, past.now, "edge").inspection.selection.edge == past.pruned
+    assert follow(past, past.now, f"edge {past.pruned[0]}").inspection.selection.edge == past.pruned
 
     there = follow(past, past.now, f"{past.seconds(past.wrong_s) - 1.0:.1f} s")
 
@@ -231,7 +231,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
     past.state.open_replay = lambda _: faulty
     opened = past.do(c.OpenRecording("demo-fault.rrd", 1e9), c.ChooseQuestion(QuestionName.FAILURES), ticks=3)
     assert "4 of 4 queries failed" in words(opened)
-    assert all(trouble in words(opened) for trouble in ("step limit 2", "wrong arrival 1", "no path 1"))
+    assert all(trouble in words(opened) for trouble in ("obstructed 2", "false edge 1", "not recognised 1"))
     past.do(c.Seek(0.0))
 
     pruned = past.state.shown_run.marks_until(None, MarkKind.PRUNE)[0]

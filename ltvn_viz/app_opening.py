@@ -59,7 +59,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary, RerunViewers
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.share_links import latest_viewpoint, question_commands
+from ltvn_viz.session.share_links import question_commands
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
 from ltvn_viz.session.worker import PatientWorker, Worker
@@ -318,7 +318,6 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot
     floor = floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)
-    state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
     screen = _Screen()
     session = Session(
         state,

@@ -24,7 +24,6 @@ from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.saved_files import SavedFile
-from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.run_moment import RunMoment
 
@@ -101,9 +100,6 @@ class DebugContext:
     """Offers a new file for download in the page; may be called in any thread."""
     floor_plan: FloorPlan | None = None
     """The floor plan under the map, as the page shows it now."""
-    viewpoint: Viewpoint | None = None
-    """The person's view, for the question that shares it; None for all others, which then need no refresh when it
-    changes."""
 
     @property
     def method(self) -> Method:

@@ -28,7 +28,6 @@ from ltvn_viz.session.inspection import QuestionAnswer
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailable
 from ltvn_viz.session.saved_files import SavedFile, SavedFiles
-from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.timeline.run_moment import RunMoment
 
 _NAMES = 10
@@ -48,7 +47,6 @@ def replay_context(
     rerun: Callable[[Path], str] = rerun_unavailable,
     offer_file: Callable[[Path], SavedFile] | None = None,
     floor_plan: FloorPlan | None = None,
-    viewpoint: Viewpoint | None = None,
 ) -> DebugContext:
     """Return the context of questions at a moment of an open recording.
 
@@ -76,7 +74,6 @@ def replay_context(
         rerun=rerun,
         offer_file=offer_file or SavedFiles().offer,
         floor_plan=floor_plan,
-        viewpoint=viewpoint,
     )
 
 

@@ -31,7 +31,6 @@ from ltvn_viz.session.inspection import (
     QuestionName,
     Selection,
 )
-from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Command, QuestionRequest
@@ -53,9 +52,8 @@ class DebugContextBuilder:
 
     def build(self, state: AppState, moment: RunMoment) -> DebugContext:
         """Return the context of questions when the page shows `moment`."""
-        viewpoint = state.viewpoint() if state.debugger.shown.question is QuestionName.SHARE else None
         if isinstance(state.activity, Playback):
-            return self._of_replay(state, state.activity, moment, viewpoint)
+            return self._of_replay(state, state.activity, moment)
         run = state.live.timeline
         live_map = state.live_map
         return DebugContext(
@@ -78,12 +76,9 @@ class DebugContextBuilder:
             library=state.library,
             rerun=state.rerun,
             offer_file=state.saved_files.offer,
-            viewpoint=viewpoint,
         )
 
-    def _of_replay(
-        self, state: AppState, replay: Playback, moment: RunMoment, viewpoint: Viewpoint | None
-    ) -> DebugContext:
+    def _of_replay(self, state: AppState, replay: Playback, moment: RunMoment) -> DebugContext:
         robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
         return replay_context(
             replay,
@@ -96,7 +91,6 @@ class DebugContextBuilder:
             rerun=state.rerun,
             offer_file=state.saved_files.offer,
             floor_plan=None if state.alignment is None else state.alignment.view.plan,
-            viewpoint=viewpoint,
         )
 
     def count_now(self) -> None:
@@ -214,7 +208,7 @@ class Inspector:
         self._context = context = self.context(state, moment)
         self._offer(context)
         run = context.name, context.timeline, context.known_events
-        key = self.shown.question, self.shown.selection, run, context.step, context.viewpoint
+        key = self.shown.question, self.shown.selection, run, context.step
         if question is None or key == self._key:
             return
         self._key = key

@@ -75,7 +75,7 @@ SCRIPTS = (
 STYLES = ("theme.css", "loading.css", "layout.css", "ltvn.css", "timeline.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
-LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
+LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool")
 """Parameters of links, which the page's script reads and removes from its address."""
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"

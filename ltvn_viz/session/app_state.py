@@ -33,7 +33,6 @@ from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailab
 from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SavedFiles
-from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.session.shown_floor import ShownFloor
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
@@ -158,8 +157,6 @@ class AppState:
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
     saved_files: SavedFiles = field(default_factory=SavedFiles)
     """Files written for download from the page."""
-    viewpoint: Callable[[], Viewpoint | None] = lambda: None
-    """Returns the person's view of the scene; None without a page."""
     world: ChangeableWorld | None = None
     """The simulated world that a person may change; None for a real robot."""
     alignment: FloorPlanClicks | None = None

@@ -10,14 +10,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import viser
 from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.session.share_links import Point
 from ltvn_viz.wishes.commands import ChooseQuestion, CloseRecording, Command, Mode, OpenRecording, PointAt, Seek
 from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
@@ -169,11 +167,6 @@ class DebuggerPage:
         """Hold a key until something holds in the app."""
         hold_key(self.app, self.page, key, holds)
 
-    def look_from(self, position: Point, look_at: Point) -> None:
-        """Move the page's camera, as orbiting does."""
-        (client,) = self._clients.values()
-        client.camera.position, client.camera.look_at = position, look_at
-
     def link_to_share(self, words: str) -> str:
         """Wait until the link of “Show somebody” has these words in it, and return its address."""
         link = self.answer.locator(f'a[href*="{words}"]')
@@ -186,12 +179,6 @@ class DebuggerPage:
         self.page.goto(self.app.server.link(address.removeprefix("/?")))
         self.until(lambda: len(self._clients) == 1 and not before & set(self._clients))
         self.page.get_by_role("tab", name="Why").click()
-
-    def looks_from(self, position: Point | np.ndarray, look_at: Point | np.ndarray) -> bool:
-        """Tell whether that is where the page's camera stands, to the centimetre."""
-        (client,) = self._clients.values()
-        seen = np.array([client.camera.position, client.camera.look_at])
-        return np.allclose(seen, np.array([position, look_at]), atol=0.01) and client.camera.up_direction[2] > 0.99
 
     @property
     def _clients(self) -> dict[int, viser.ClientHandle]:

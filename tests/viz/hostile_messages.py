@@ -235,7 +235,7 @@ class HostileMessages:
 
     def _link(self) -> str:
         name = self._random.choice([*self._targets.recordings, "none.rrd"])
-        return self._random.choice((f"replay={name}&at=1", "tool=hand&node=3", "tool=edge&edge=1-2", "camera=1,2"))
+        return self._random.choice((f"replay={name}&at=1", "tool=hand&node=3", "tool=edge&edge=1-2", "at=3"))
 
 
 def _encoded(message: dict[str, Any]) -> bytes:

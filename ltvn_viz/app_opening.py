@@ -37,7 +37,7 @@ from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system, recorded_system
 from ltvn_core.types import Pose, Predictor
 from ltvn_viz.debugger.inspector import Inspector
-from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
+from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb, scene_picture
 from ltvn_viz.page_layout import PageAssets, Painter, build_layout
@@ -62,7 +62,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import question_commands
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
-from ltvn_viz.session.worker import PatientWorker, Worker
+from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import OpenRecording
 
@@ -124,7 +124,6 @@ def open_app_state(
     simulated = backend.world
     carry = backend.carry
     world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
-    patient_worker = PatientWorker(worker)
     choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
     teleop = AbsentTeleop if backend.robot is None else Teleop
     state = AppState(
@@ -140,8 +139,6 @@ def open_app_state(
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
         predictor_for=lambda weights: _reopen_with(options, weights, camera),
-        patient_worker=patient_worker,
-        new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector(all_questions(live.breakpoint_monitor, options.questions), worker),
         rerun=RerunViewers(stack).address,
         world=world,
@@ -324,7 +321,6 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         server.seat,
         screen.publish,
         absence=lambda: server.presence.absence,
-        watchers=lambda: server.watchers,
     )
     parts = build_layout(
         server.viser,

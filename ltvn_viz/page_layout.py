@@ -38,9 +38,8 @@ from ltvn_viz.panels.html_widgets import grey_for_watchers
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel, TimelinePanel
-from ltvn_viz.panels.status_panel import Notifications, OwnNotices, StatusPanel, StoryBar
+from ltvn_viz.panels.status_panel import Notifications, StatusPanel, StoryBar
 from ltvn_viz.panels.world_panel import WorldPanel
-from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
 from ltvn_viz.session.snapshot import Message, Snapshot
@@ -68,12 +67,10 @@ class OwnParts:
         self,
         clients: Callable[[], Iterable[viser.ClientHandle]],
         make: Callable[[viser.ClientHandle], Sequence[PagePart]],
-        number_of: Callable[[int], ClientId | None],
     ) -> None:
-        """Create the parts of a page by `make`; `number_of` converts viser's number of a page to ours."""
+        """Create the parts of a page by `make`."""
         self._clients = clients
         self._make = make
-        self._number_of = number_of
         self._parts: dict[int, Sequence[PagePart]] = {}
 
     def show(self, snapshot: Snapshot) -> None:
@@ -85,7 +82,7 @@ class OwnParts:
         for number, client in clients.items():
             if number not in self._parts and not self._welcome(client):
                 continue
-            failed += _show_all(self._parts[number], self._own(snapshot, number))
+            failed += _show_all(self._parts[number], snapshot)
         if failed:
             raise NotDrawnError(*dict.fromkeys(failed))
 
@@ -97,11 +94,6 @@ class OwnParts:
         # viser removes a page's controls when the page disconnects, but not those that are added later.
         client.gui.reset()
         return False
-
-    def _own(self, snapshot: Snapshot, client: int) -> Snapshot:
-        page = self._number_of(client)
-        inspection = None if page is None else snapshot.own_inspections.get(page)
-        return snapshot if inspection is None else replace(snapshot, inspection=inspection)
 
 
 class NotDrawnError(Exception):
@@ -216,16 +208,8 @@ class Pages(Protocol):
         """Request an action from the driver's seat; the page's guard has checked that the page has it."""
         ...
 
-    def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
-        """Request an action that a page without the seat may have in its own view."""
-        ...
-
     def stop_for(self, viser_client: int) -> None:
         """Stop the robot for a page, with the seat or without."""
-        ...
-
-    def number_of(self, viser_client: int) -> ClientId | None:
-        """Convert viser's number of a page to ours."""
         ...
 
     def file_address(self, address: str) -> str:
@@ -276,7 +260,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         floor_plan = FloorPlanPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui)
-    why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
+    with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
+        why = DebuggerPanel(gui, pages.ask)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
     camera = CameraPanel(gui, pages.show_picture)
 
@@ -284,14 +269,10 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         view = FirstView(floor, server, client)
         with drive_tab:
             follow = FollowCamera(client.gui, lambda: [client])
-        with why_tab:
-            why = DebuggerPanel(client.gui, partial(pages.ask_from, client.client_id))
         legend = LegendPanel(client.gui)
         list_stop(client.gui, partial(pages.stop_for, client.client_id))
-        drawn = (RobotMarker(client), HeadingsLayer(client), DebuggerLayer(client.scene))
-        return [view, follow, why, legend, *drawn, OwnNotices(client)]
+        return [view, follow, legend, RobotMarker(client), HeadingsLayer(client)]
 
-    own = OwnParts(clients, own_parts, pages.number_of)
     return [
         status,
         camera,
@@ -301,7 +282,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         world,
         floor_plan,
         replay,
-        own,
+        why,
+        OwnParts(clients, own_parts),
         TimelinePanel(pages.tell_moment),
         PadPanel(pages.tell_activity),
         CommandPalette(gui, pages.ask),
@@ -313,17 +295,13 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
     return [
-        FloorPlanLayer(scene, on_place=lambda place, client: pages.ask_from(client, Action.POINT_ON_PLAN, place)),
+        FloorPlanLayer(scene, on_place=partial(pages.ask, Action.POINT_ON_PLAN)),
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),
         AddedLayer(scene, assets.added_glb),
-        DoorsLayer(scene, on_pick=lambda door, client: pages.ask_from(client, Action.DOOR, door)),
-        BoxesLayer(
-            scene,
-            on_pick=lambda box, client: pages.ask_from(client, Action.AIM_BOX, box),
-            on_floor=lambda place, client: pages.ask_from(client, Action.PUT_BOX, place),
-        ),
-        NodesLayer(scene, on_pick=lambda node, client: pages.ask_from(client, Action.PICK, node)),
+        DoorsLayer(scene, on_pick=partial(pages.ask, Action.DOOR)),
+        BoxesLayer(scene, on_pick=partial(pages.ask, Action.AIM_BOX), on_floor=partial(pages.ask, Action.PUT_BOX)),
+        NodesLayer(scene, on_pick=partial(pages.ask, Action.PICK)),
         BlockedEdgesLayer(scene),
         PlanLayer(scene),
         GoalLayer(scene),
@@ -332,4 +310,5 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
         CourseLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),
+        DebuggerLayer(scene),
     ]

@@ -21,7 +21,6 @@ class DecisionQuestion(Question[Never]):
 
     name = QuestionName.DECISIONS
     word = QuestionName.DECISIONS.word
-    is_for_watchers = True
     about = "Each decision of the query with the rule and the number behind it, the latest first."
 
     def is_offered(self, context: DebugContext) -> bool:

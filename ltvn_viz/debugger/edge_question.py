@@ -73,7 +73,6 @@ class EdgeQuestion(Question[Never]):
     name = QuestionName.EDGE
     word = QuestionName.EDGE.word
     earlier_words = QuestionName.EDGE.earlier_words
-    is_for_watchers = True
     about = "Images, belief and attempts of an edge or a node, the reasons for its belief, and when it is open."
 
     def __init__(self) -> None:

@@ -84,7 +84,6 @@ class FailureQuestion(Question[ShowFailures]):
 
     name = QuestionName.FAILURES
     word = QuestionName.FAILURES.word
-    is_for_watchers = True
     about = "Failed queries by cause and place; a time shows the second before the failure."
 
     def __init__(self) -> None:

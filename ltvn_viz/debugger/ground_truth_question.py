@@ -52,7 +52,6 @@ class GroundTruthQuestion(Question[Never]):
 
     name = QuestionName.TRUTH
     word = QuestionName.TRUTH.word
-    is_for_watchers = True
     about = "In simulation: edges that cannot be driven, edges that are missing, and whether p is right."
 
     def __init__(self) -> None:

@@ -32,7 +32,6 @@ class GuardedQuestion(Question[Any]):
             self.earlier_words = tuple(self._word("earlier_words", word) for word in question.earlier_words)
             self.about = self._text("about", question.about)
             self.verb = self._text("verb", question.verb)
-            self.is_for_watchers = bool(question.is_for_watchers)
 
     def is_offered(self, context: DebugContext) -> bool:
         """Ask the question; one that fails is offered, so that its answer can say why."""

@@ -44,7 +44,6 @@ class HistoryQuestion(Question[Never]):
 
     name = QuestionName.TIME
     word = QuestionName.TIME.word
-    is_for_watchers = True
     about = (
         "All notable events, by kind. In the scene, fading magenta edges were pruned and green nodes were added "
         "recently."

@@ -130,11 +130,8 @@ before a person clicks."""
 class Inspector:
     """The debugger's state."""
 
-    def __init__(self, questions: Sequence[Question[Any]], worker: JobQueue, *, first_serial: int = 0) -> None:
-        """Offer these questions in this order, and let them compute slow answers in `worker`.
-
-        Views are counted from `first_serial`, so that links are unique among several debuggers.
-        """
+    def __init__(self, questions: Sequence[Question[Any]], worker: JobQueue) -> None:
+        """Offer these questions in this order, and let them compute slow answers in `worker`."""
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {
             word: question.name for question in questions for word in (question.word, *question.earlier_words)
@@ -142,7 +139,7 @@ class Inspector:
         self._in_background = BackgroundCache(worker, self.mark_stale)
         self._contexts = DebugContextBuilder(self._in_background)
         self.names = (QuestionName.NONE, *self._questions)
-        self.shown = Inspection(offered=(QuestionName.NONE,), serial=first_serial)
+        self.shown = Inspection(offered=(QuestionName.NONE,))
         self._key: object = None
         self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
@@ -228,10 +225,6 @@ class Inspector:
         offered = (QuestionName.NONE, *names)
         if offered != self.shown.offered:
             self.shown = replace(self.shown, offered=offered)
-
-    def notify(self, text: str) -> None:
-        """Show a notice on the page that asks."""
-        self.shown = replace(self.shown, notice=text, notice_number=self.shown.notice_number + 1)
 
     def mark_stale(self) -> None:
         """Let the question refresh its answer although no event happened, because there is new information."""

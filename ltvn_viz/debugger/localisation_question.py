@@ -68,7 +68,6 @@ class LocalisationQuestion(Question[FindAliases]):
 
     name = QuestionName.WHERE
     word = QuestionName.WHERE.word
-    is_for_watchers = True
     about = (
         "Colour shows how near each node looks: yellow is near, violet is far. The chart shows how sure the robot "
         "was over time."

@@ -30,7 +30,6 @@ class NextDriveQuestion(Question[Never]):
 
     name = QuestionName.COACH
     word = QuestionName.COACH.word
-    is_for_watchers = True
     about = "While you drive: what the map still lacks, and where to go next. The ghost robot marks the place."
 
     def __init__(self) -> None:

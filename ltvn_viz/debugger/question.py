@@ -91,8 +91,6 @@ class Question(ABC, Generic[RequestT]):
     """Description of the answer, in one line."""
     verb: str = "Ask"
     """Label of the button that submits the typed text."""
-    is_for_watchers: bool = False
-    """Whether a page without the seat may ask the question, because it has no effect elsewhere and opens no file."""
 
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether the question can be answered in this run at all; called often, so it must be fast."""

@@ -18,18 +18,13 @@ from ltvn_viz.debugger.failure_question import FailureQuestion
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
 from ltvn_viz.debugger.guarded_question import GuardedQuestion
 from ltvn_viz.debugger.history_question import HistoryQuestion
-from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.debugger.manual_edit_question import ManualEditQuestion
 from ltvn_viz.debugger.next_drive_question import NextDriveQuestion
 from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.share_question import ShareQuestion
 from ltvn_viz.debugger.what_if_question import WhatIfQuestion
-from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-
-_SERIALS = 2**24
-"""Offset between the view numbers of two pages; a page has fewer views than this, so links are unique."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -58,12 +53,6 @@ def all_questions(
         ShareQuestion(),
     )
     return (*own, *installed_questions(find_plugins(QUESTIONS), own, added))
-
-
-def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker: JobQueue) -> Inspector:
-    """Return the debugger of a page that only watches: questions without effects, computed in `worker`."""
-    questions = [question for question in all_questions(breakpoint_monitor) if question.is_for_watchers]
-    return Inspector(questions, worker, first_serial=page * _SERIALS)
 
 
 def installed_questions(

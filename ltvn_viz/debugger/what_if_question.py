@@ -76,7 +76,6 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     name = QuestionName.WHAT_IF
     word = QuestionName.WHAT_IF.word
     verb = "Imagine"
-    is_for_watchers = True
     about = "Plan again with another edge, belief, goal, threshold or time. Map and run do not change."
 
     def __init__(self) -> None:

@@ -25,9 +25,8 @@ class FloorPlanLayer:
     """The plan and the clicked points; while a click on the plan is expected, also a coloured sheet that receives
     it."""
 
-    def __init__(self, scene: viser.SceneApi, on_place: Callable[[tuple[float, float], int], None]) -> None:
-        """Start without a drawing; `on_place` gets a place (x, y) in metres and viser's number of the page, and must
-        return at once."""
+    def __init__(self, scene: viser.SceneApi, on_place: Callable[[tuple[float, float]], None]) -> None:
+        """Start without a drawing; `on_place` gets a place (x, y) in metres, and must return at once."""
         self._scene = scene
         self._on_place = on_place
         self._shown: FloorPlanView | None = None
@@ -67,7 +66,7 @@ class FloorPlanLayer:
         (x, y, z), (along_x, along_y, along_z) = event.ray_origin, event.ray_direction
         if along_z < 0:
             far = (ABOVE_FLOOR_M - z) / along_z
-            self._on_place((x + far * along_x, y + far * along_y), event.client_id)
+            self._on_place((x + far * along_x, y + far * along_y))
 
 
 def draw_floor_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle:

@@ -21,9 +21,8 @@ _DOOR_HANDLE_M = (0.12, 0.12)
 class DoorsLayer:
     """Bars above doorways: green for open doors, magenta for closed ones."""
 
-    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[int, int], None]) -> None:
-        """Start without handles; `on_pick` gets the number of a door and viser's number of the page, and must return at
-        once."""
+    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[int], None]) -> None:
+        """Start without handles; `on_pick` gets the number of a door, and must return at once."""
         self._scene = scene
         self._on_pick = on_pick
         self._shown: tuple[DoorView, ...] = ()
@@ -53,8 +52,8 @@ class DoorsLayer:
             handle.on_click(partial(self._clicked, each.door))
             self.handles[each.door] = handle
 
-    async def _clicked(self, door: int, event: viser.SceneNodePointerEvent) -> None:
-        self._on_pick(door, event.client_id)
+    async def _clicked(self, door: int, _: viser.SceneNodePointerEvent) -> None:
+        self._on_pick(door)
 
 
 BOX_HANDLE_Z = BOX_SIZE_M[2] + 0.12
@@ -70,13 +69,11 @@ class BoxesLayer:
     def __init__(
         self,
         scene: viser.SceneApi,
-        on_pick: Callable[[int, int], None],
-        on_floor: Callable[[tuple[float, float], int], None],
+        on_pick: Callable[[int], None],
+        on_floor: Callable[[tuple[float, float]], None],
     ) -> None:
-        """Start without handles. Both callbacks get viser's number of the page, and must return at once.
-
-        `on_pick` also gets the number of a box, `on_floor` a place (x, y) in metres.
-        """
+        """Start without handles. `on_pick` gets the number of a box, `on_floor` a place (x, y) in metres; both must
+        return at once."""
         self._scene = scene
         self._on_pick = on_pick
         self._on_floor = on_floor
@@ -124,10 +121,10 @@ class BoxesLayer:
             )
             self.floor.on_click(self._clicked_floor)
 
-    async def _clicked(self, box: int, event: viser.SceneNodePointerEvent) -> None:
-        self._on_pick(box, event.client_id)
+    async def _clicked(self, box: int, _: viser.SceneNodePointerEvent) -> None:
+        self._on_pick(box)
 
     async def _clicked_floor(self, event: viser.SceneNodePointerEvent) -> None:
         (x, y, z), (along_x, along_y, along_z) = event.ray_origin, event.ray_direction
         if along_z < 0:
-            self._on_floor((x - z / along_z * along_x, y - z / along_z * along_y), event.client_id)
+            self._on_floor((x - z / along_z * along_x, y - z / along_z * along_y))

@@ -79,29 +79,6 @@ class StoryBar:
         self.caption.show(f'<div class="ltvn-elsewhere" data-ltvn-copy="story">{text}</div>')
 
 
-class OwnNotices:
-    """Shows one page the notices about its own view."""
-
-    def __init__(self, client: viser.ClientHandle) -> None:
-        """Show notices on the page of `client`."""
-        self._client = client
-        self._shown = ("", 0)
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Show the notice of the page's own view if it is new."""
-        notice = snapshot.inspection.notice, snapshot.inspection.notice_number
-        if notice == self._shown:
-            return
-        self._shown = notice
-        if notice[0]:
-            self._client.add_notification(
-                TITLES[Severity.INFO],
-                notice[0],
-                auto_close_seconds=SECONDS[Severity.INFO],
-                color=COLOURS[Severity.INFO],
-            )
-
-
 REFRESH_S = 0.5
 """Interval between updates of the numbers, in seconds, so that they can be read."""
 
@@ -110,7 +87,7 @@ PANEL_MARK = "<i data-ltvn-panel></i>"
 
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
-    "Another page drives; this one only watches. You can look around, ask Why and stop the robot."
+    "Another page drives; this one only watches. You can look around and stop the robot."
     f"{button_row(ActionButton(Action.TAKE_OVER))}</div></div>"
 )
 """Card that a page shows while it does not have the seat."""

@@ -54,8 +54,6 @@ class DriveListener:
     """Called when the motion ended, or a person pressed stop."""
     on_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
     """Called when an action was requested by a key or a click."""
-    on_own_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
-    """Called when a page without the seat requested an action for its own view."""
     on_link: Callable[[ClientId, str], None] = lambda client, query: None
     """Called when a page was opened by a link with this query."""
     on_absence: Callable[[], None] = lambda: None
@@ -183,11 +181,6 @@ class DriveSocket:
         """Return the page with a key; None if its drive socket is not open."""
         return None if key is None else self._clients.get(key)
 
-    @property
-    def watchers(self) -> frozenset[ClientId]:
-        """The open pages without the seat. Safe from any thread."""
-        return frozenset(self._pages.copy()) - {self.seat.driver}
-
     def may_drive(self, key: str | None) -> bool:
         """Give the seat to the page with a key if it is free; return whether the page has it, and notify it if not."""
         client = self.client_of(key)
@@ -248,17 +241,11 @@ class DriveSocket:
             case ActionMessage(Action.RELEASE):
                 self.seat.release(page.client)
             case ActionMessage(action, value):
-                self._obey_action(page, action, value)
+                free = WISHES[action].audience is Audience.EVERYBODY
+                self._pass_on(page, self.listener.on_action, action, value, free=free)
             case LinkMessage(query):
                 self._pass_on(page, self.listener.on_link, query, free=False)
         self.settle()
-
-    def _obey_action(self, page: _Page, action: Action, value: Value) -> None:
-        audience = WISHES[action].audience
-        if audience is Audience.OWN_VIEW and not self.seat.try_sit(page.client):
-            self._call(self.listener.on_own_action, page.client, action, value)
-        else:
-            self._pass_on(page, self.listener.on_action, action, value, free=audience is Audience.EVERYBODY)
 
     def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
         """Pass the request of a page to the listener, if all pages are allowed to make it or the page has the seat."""

@@ -19,7 +19,6 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
 from types import FrameType
@@ -65,15 +64,6 @@ _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 _starting = threading.Lock()
 """Held while `websockets` is wrapped, so that two servers do not start through each other's wrapper."""
-
-
-@dataclass(frozen=True, slots=True)
-class Asker:
-    """The page behind a request in viser's panels or scene."""
-
-    page: ClientId | None
-    """Number of the page; None if its drive socket is not open."""
-    drives: bool
 
 
 class GuardedServer:
@@ -143,13 +133,6 @@ class GuardedServer:
         """Set the listener for driving, stops and actions."""
         self._drive.listener = listener
 
-    def asker(self, viser_client: int) -> Asker:
-        """Return the page behind a client of viser, and whether it has the seat, which it takes if it is free."""
-        page = self.number_of(viser_client)
-        drives = page is not None and self.seat.try_sit(page)
-        self._drive.settle()
-        return Asker(page, drives)
-
     def stop_for(self, viser_client: int) -> None:
         """Stop the robot for a page, with the seat or without. Safe from any thread."""
         self.seat.stop(self.number_of(viser_client))
@@ -158,11 +141,6 @@ class GuardedServer:
     def number_of(self, viser_client: int) -> ClientId | None:
         """Convert viser's number of a page to its `ClientId`. Safe from any thread."""
         return self._drive.client_of(self.gate.key_of(viser_client))
-
-    @property
-    def watchers(self) -> frozenset[ClientId]:
-        """The open pages without the seat. Safe from any thread."""
-        return self._drive.watchers
 
     def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
         """Serve `prefix<number>.ending`, as in `/thumb/17.jpg`, from `handler(number)`, called in a worker thread."""

@@ -155,7 +155,7 @@ def _keymap() -> dict[str, object]:
     return {
         "directions": direction_codes(),
         "actions": action_codes(),
-        "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is not Audience.DRIVER),
+        "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is Audience.EVERYBODY),
         "labels": {action: wish.label or wish.help for action, wish in WISHES.items()},
         "allDirections": list(Direction),
         "help": help_rows(),

@@ -111,8 +111,7 @@ class PageGate:
             case ElementUpdate():
                 return self._judge_update(self._viser, client, page, message)
             case NodeClick():
-                # The handler of the click decides about its effect for this page.
-                return _verdict(_is_clickable(self._viser, message))
+                return self._shared(page, is_fit=_is_clickable(self._viser, message))
             case UploadStart() | UploadPart():
                 return self._judge_upload(self._viser, client, page, message)
             case CommandTrigger(uuid):

@@ -4,7 +4,6 @@ Owns the rule how an activity ends. `command_handlers` runs commands, and `snaps
 """
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,6 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import NodeId, Predictor
-from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
@@ -36,7 +34,7 @@ from ltvn_viz.session.saved_files import SavedFiles
 from ltvn_viz.session.shown_floor import ShownFloor
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
-from ltvn_viz.session.worker import PatientWorker, Worker
+from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.timeline.strip_marks import StripLibrary
 from ltvn_viz.wishes.commands import Command, QuestionRequest
@@ -68,10 +66,6 @@ class Debugger(Protocol):
     @property
     def words(self) -> Mapping[str, str]:
         """The names of the questions by their words in an address."""
-        ...
-
-    def notify(self, text: str) -> None:
-        """Show a notice only on the page that asks."""
         ...
 
     def choose(self, question: str) -> None:
@@ -126,11 +120,6 @@ class AppState:
     predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
     """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
     debugger: Debugger
-    """The debugger on all pages that have no question of their own."""
-    new_own_debugger: Callable[[ClientId], Debugger]
-    """Creates the debugger of a page that only watches; it changes nothing."""
-    patient_worker: PatientWorker
-    """Worker for the pages that only watch."""
     build_options: BuildOptions = BuildOptions()  # noqa: RUF009
     """How maps are built from recordings."""
     maker: RecordingMaker = field(default_factory=RecordingMaker)
@@ -177,8 +166,6 @@ class AppState:
     """Playback speed of a recording or a look back, as a factor of real time."""
     strips: StripLibrary = field(default_factory=StripLibrary)
     """The marks of the runs on show, for the pages' timelines."""
-    own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)
-    """Debuggers of watching pages that have their own question; the first one is refreshed next."""
     clock: Callable[[], float] = time.monotonic
     said_s: float = float("-inf")
     """Time when the message was last said, by the clock."""

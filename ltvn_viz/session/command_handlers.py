@@ -27,7 +27,6 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place, navigate, pick
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.own_views import STALE_LINK
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
 from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
@@ -35,6 +34,8 @@ from ltvn_viz.session.world_handlers import change_map, change_world
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import LEAST_MINUTES, MOST_MINUTES, Mode
 from ltvn_viz.wishes.wish_table import refusal
+
+_STALE_LINK = "That answer was replaced before your click arrived. Click in the new answer."
 
 
 def handle(state: AppState, command: c.Command) -> None:
@@ -242,7 +243,7 @@ def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
         case c.AskQuestion(request):
             _ask(state, debugger.handle_request(request))
         case c.FollowLink(number):
-            _ask(state, debugger.link(number) or c.ReportError(STALE_LINK))
+            _ask(state, debugger.link(number) or c.ReportError(_STALE_LINK))
         case _:
             assert_never(command)
 

@@ -154,11 +154,6 @@ class Inspection:
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
     offered: tuple[str, ...] = (QuestionName.NONE,)
-    notice: str = ""
-    """Message only for the page that asks."""
-    notice_number: int = 0
-    """Number of the notice, so that a repeated text is shown again."""
-
     markup: str = ""
     """The answer as HTML, its links numbered from 0."""
 

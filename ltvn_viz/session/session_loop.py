@@ -7,7 +7,7 @@ Owns the pace, and the handling of errors. A single thread runs `run`; every oth
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Set
+from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Protocol
@@ -15,7 +15,7 @@ from typing import Protocol
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
-from ltvn_viz.server.driver_seat import Absence, ClientId
+from ltvn_viz.server.driver_seat import Absence
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -23,7 +23,6 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import handle, take_made_recording
 from ltvn_viz.session.live_run import TICK_S
-from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
@@ -35,9 +34,6 @@ logger = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 256
 """Largest number of waiting commands; more arrive only if the app is flooded, and are refused."""
-WISHES = 64
-"""Largest number of waiting commands of watching pages; the oldest is dropped for the newest."""
-WISHES_PER_TICK = 4
 STALL_S = 0.5
 """After a stall longer than this, the robot's time continues from where it stood instead of catching up."""
 
@@ -65,12 +61,10 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
         *,
         absence: Callable[[], Absence | None] = lambda: None,
-        watchers: Callable[[], Set[ClientId]] = frozenset,
     ) -> None:
         """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block.
 
-        `absence` returns the current time without any open page, or None while one is open; `watchers` returns the
-        pages without the seat.
+        `absence` returns the current time without any open page, or None while one is open.
         """
         self._state = state
         self._driver = driver
@@ -78,9 +72,7 @@ class Session:
         self._clock = clock
         self._snapshot_builder = SnapshotBuilder(clock)
         self._commands: deque[c.Command] = deque()
-        self._wishes: deque[tuple[ClientId, c.Command]] = deque(maxlen=WISHES)
         self._absence = absence
-        self._watchers = watchers
         self._flood_log = LimitedLog(logger)
         # A signal handler may stop the session while this thread waits: an Event could then wait for its own lock.
         self._wakes = SimpleQueue[None]()
@@ -96,15 +88,9 @@ class Session:
         """The state of the session; only its own thread may change it."""
         return self._state
 
-    def send(self, command: c.Command, watcher: ClientId | None = None) -> None:
-        """Send a command, from any thread; never blocks.
-
-        The command of a `watcher`, a page without the seat, is run in that page's own view.
-        """
-        if watcher is not None:
-            # A few commands of each watcher are enough, and they cannot block the driver's.
-            self._wishes.append((watcher, command))
-        elif len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
+    def send(self, command: c.Command) -> None:
+        """Send a command, from any thread; never blocks."""
+        if len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
             self._commands.append(command)
         else:
             self._flood_log.log(logging.WARNING, "too many commands at once; left out %s", command)
@@ -190,7 +176,6 @@ class Session:
     def _advance(self) -> None:
         """Advance robot time by a tick."""
         state = self._state
-        self._serve_watchers()
         _watch_link(state)
         state.worker.collect()
         self._record()
@@ -216,15 +201,6 @@ class Session:
             state.live.recorder.tick(map_is_still=state.worker.pending == 0)
         except LtvnError as error:
             state.say(str(error), Severity.ERROR, is_trouble=True)
-
-    def _serve_watchers(self) -> None:
-        """Run a few commands of pages without the seat in their own views."""
-        watchers = self._watchers()
-        retain_own_views(self._state, watchers)
-        for _ in range(min(len(self._wishes), WISHES_PER_TICK)):
-            watcher, command = self._wishes.popleft()
-            if watcher in watchers:
-                handle_own(self._state, watcher, command, self._snapshot_builder.moment)
 
     def _show(self) -> None:
         failure = self._state.live.recorder.take_failure()
@@ -279,5 +255,4 @@ def _handle_breakpoint(state: AppState) -> None:
         state.activity.pause()
     how = "Stopped" if held else "Met"
     state.say(f"{how} at {stop.time_s:.1f} s: {stop.why}. “Stop when …” under “Why” shows it.", Severity.WARN)
-    for debugger in (state.debugger, *state.own_debuggers.values()):
-        debugger.mark_stale()
+    state.debugger.mark_stale()

@@ -20,7 +20,6 @@ from ltvn_core.robots.link_report import LinkReport
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene, door_names
 from ltvn_core.types import Depth, NodeId, Rgb
-from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Mode
@@ -367,8 +366,6 @@ class Snapshot:
     """The last query of the story; None before the first one."""
     inspection: Inspection = NO_INSPECTION
     """The debugger's state."""
-    own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)
-    """The debugger's state on watching pages that have their own question."""
     hint: str = ""
     """Hint about the next thing to do."""
 

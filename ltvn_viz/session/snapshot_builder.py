@@ -15,7 +15,6 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.floor_plan_clicks import aligning_hint
-from ltvn_viz.session.own_views import refresh_next_own_view
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
 from ltvn_viz.session.world_handlers import no_story
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
@@ -23,9 +22,6 @@ from ltvn_viz.wishes.commands import Mode
 
 LIST_EVERY_S = 2.0
 """Interval between searches of the folder of recordings, in seconds."""
-
-OWN_VIEW_EVERY_S = 0.1
-"""Interval between refreshes of the own views of watching pages, in seconds; each refreshes one view."""
 
 WINDOW_S = 1.0
 """Time over which rates are averaged, in seconds."""
@@ -70,9 +66,6 @@ class SnapshotBuilder:
         self._listed_at = float("-inf")
         self._recorded: Mapping[str, str] = {}
         self._sources: tuple[str, ...] = ()
-        self._own_due = float("-inf")
-        self.moment = RunMoment()
-        """The moment that was shown last."""
 
     def build(self, state: AppState) -> Snapshot:
         """Return the snapshot for now."""
@@ -80,12 +73,8 @@ class SnapshotBuilder:
         activity = state.activity
         making = state.maker.work
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
-        self.moment = snapshot.moment
         # This is needed even while no question is on show, because the offered questions depend on the run.
         state.debugger.refresh(state, snapshot.moment)
-        if self._clock() >= self._own_due:
-            self._own_due = self._clock() + OWN_VIEW_EVERY_S
-            refresh_next_own_view(state, snapshot.moment)
         snapshot = replace(
             snapshot,
             mode=activity.mode,
@@ -103,7 +92,6 @@ class SnapshotBuilder:
             floor_plan=None if state.alignment is None else state.alignment.view,
             fine_tuning=_learning(state),
             inspection=state.debugger.shown,
-            own_inspections={page: view.shown for page, view in state.own_debuggers.items()},
             weights=state.live_map.fingerprint,
             can_undo_build=state.live_map.can_undo_rebuild,
             work=activity.work if isinstance(activity, MapBuilding) else state.work or making,

@@ -38,15 +38,10 @@ def drive_listener(session: Session) -> DriveListener:
         for command in asked:
             session.send(command)
 
-    def on_own_action(client: ClientId, action: Action, value: Value) -> None:
-        if (command := command_for(action, value)) is not None:
-            session.send(command, watcher=client)
-
     return DriveListener(
         on_drive=on_drive,
         on_stop=on_stop,
         on_action=on_action,
-        on_own_action=on_own_action,
         on_link=on_link,
         on_absence=session.wake,
     )
@@ -69,19 +64,9 @@ class SessionPages:
         if (command := command_for(action, value)) is not None:
             self._session.send(command)
 
-    def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
-        """Request an action from the seat if the page has it or can take it, else in the page's own view."""
-        asker = self._server.asker(viser_client)
-        if asker.page is not None and (command := command_for(action, value)) is not None:
-            self._session.send(command, watcher=None if asker.drives else asker.page)
-
     def stop_for(self, viser_client: int) -> None:
         """Stop the robot for a page, with the seat or without."""
         self._server.stop_for(viser_client)
-
-    def number_of(self, viser_client: int) -> ClientId | None:
-        """Convert viser's number of a page to ours."""
-        return self._server.number_of(viser_client)
 
     def file_address(self, address: str) -> str:
         """Return the address of a served file with the key that a picture in a panel needs."""

@@ -70,23 +70,3 @@ class Worker:
         """Wait for the running job and drop all others."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._jobs = deque(job for job in self._jobs if not job.future.cancelled())
-
-
-class PatientWorker:
-    """A queue of low-priority jobs for watching pages: passes one job at a time to a worker, only while it is idle."""
-
-    def __init__(self, worker: Worker) -> None:
-        """Wait for `worker`."""
-        self._worker = worker
-        self._waiting: deque[Callable[[], None]] = deque()
-
-    def submit(
-        self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
-    ) -> None:
-        """Queue a job until `go_on` starts it."""
-        self._waiting.append(lambda: self._worker.submit(job, then, otherwise=otherwise))
-
-    def go_on(self) -> None:
-        """Start the next job if the worker is idle."""
-        if self._waiting and self._worker.pending == 0:
-            self._waiting.popleft()()

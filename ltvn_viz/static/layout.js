@@ -67,11 +67,9 @@ function noteChosenTab(event) {
   if (event.isTrusted) history.replaceState({ tab: chosenTab }, "");
 }
 
-// Until a person chooses one, the tab that the app's first hint names; who only watches can use “Why” alone.
+// Until a person chooses one, the tab that the app's first hint names.
 function firstTab() {
-  const named = seat.isOpen && document.querySelector("#root [data-ltvn-tab]")?.dataset.ltvnTab;
-  if (!named) return null;
-  return isWatching() ? "Why" : named;
+  return (seat.isOpen && document.querySelector("#root [data-ltvn-tab]")?.dataset.ltvnTab) || null;
 }
 
 function keepTab() {

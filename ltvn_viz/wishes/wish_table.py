@@ -76,8 +76,6 @@ class Audience(Enum):
 
     DRIVER = auto()
     """The page with the seat, because all pages see the effect."""
-    OWN_VIEW = auto()
-    """Any page; on a page without the seat, the effect is limited to its own view."""
     EVERYBODY = auto()
     """Any page; the driver's seat or the page itself performs it."""
 
@@ -149,7 +147,7 @@ class Wish:
     @property
     def is_listed(self) -> bool:
         """Tell whether the palette can list the wish without a value."""
-        return self.audience is not Audience.EVERYBODY and self.carries.fits(None)
+        return self.audience is Audience.DRIVER and self.carries.fits(None)
 
 
 SEEK_S = 1.0
@@ -191,9 +189,7 @@ WISHES: Mapping[Action, Wish] = {
         c.NavigateTo, "Navigate", "go to the chosen goal", keys=("KeyG",), carries=Carried.WHOLE_OR_NOTHING
     ),
     Action.SELECT: Wish(c.ChooseGoal, "Choose a goal", "go to the node of an image", carries=Carried.WHOLE),
-    Action.PICK: Wish(
-        c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
-    ),
+    Action.PICK: Wish(c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE),
     Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel the current activity", keys=("Escape",)),
     Action.END_ACTION: Wish(
         c.EndAction,
@@ -290,19 +286,14 @@ WISHES: Mapping[Action, Wish] = {
     Action.POINT_ON_PLAN: Wish(c.PointOnFloorPlan, "", "point to the node's place on the plan", carries=Carried.PLACE),
     Action.UNDO_PLAN_CLICK: Wish(c.UndoPlanClick, "", "take the last click of the alignment back"),
     Action.USE_ALIGNMENT: Wish(c.UseAlignment, "", "keep the floor plan as it lies now"),
-    Action.QUESTION: Wish(
-        c.ChooseQuestion, "Ask why", "choose a question", carries=Carried.TEXT, audience=Audience.OWN_VIEW
-    ),
+    Action.QUESTION: Wish(c.ChooseQuestion, "Ask why", "choose a question", carries=Carried.TEXT),
     Action.TELL: Wish(
         c.SubmitText,
         "",
         "give the question shown the text that it asks for",
         carries=Carried.TEXT,
-        audience=Audience.OWN_VIEW,
     ),
-    Action.FOLLOW: Wish(
-        c.FollowLink, "", "follow a link of the answer", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
-    ),
+    Action.FOLLOW: Wish(c.FollowLink, "", "follow a link of the answer", carries=Carried.WHOLE),
     Action.HELP: Wish(None, "", "show or hide this help", keys=("KeyH",), audience=Audience.EVERYBODY),
 }
 

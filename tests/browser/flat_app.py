@@ -63,7 +63,6 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
             server.seat,
             lambda snapshot: _show(harness, painters[0], snapshot),
             absence=lambda: server.presence.absence,
-            watchers=lambda: server.watchers,
         )
         assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
         parts = build_layout(server.viser, SessionPages(server, session), assets, FLOOR)

@@ -39,7 +39,7 @@ def crowd(folder: Path, watchers: int) -> Iterator[tuple[FlatApp, PageSockets, l
             stack.enter_context(page.staying())
         pages[0].take_seat()
         for page in pages[1:]:
-            own_control(page, viser.GuiDropdownHandle)
+            own_control(page, viser.GuiCheckboxHandle)
         yield app, pages[0], pages[1:]
 
 

@@ -25,7 +25,7 @@ from ltvn_core.network.predictor import load_predictor
 from ltvn_core.robots.robot import Robot
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
-from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
+from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
@@ -38,7 +38,7 @@ from ltvn_viz.session.recorder import Recorder, RecordingSink
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.worker import PatientWorker, Worker
+from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes import commands as c
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
 from tests.waiting import until
@@ -197,7 +197,6 @@ class SessionHarness:
         live = LiveRun(robot, recorder, Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
-        patient = PatientWorker(worker)
         self.inspector = Inspector(all_questions(live.breakpoint_monitor), worker)
         self.state = AppState(
             scene="flat",
@@ -212,8 +211,6 @@ class SessionHarness:
             fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),
             predictor_for=lambda weights: (load_predictor(weights), ltvn_system(ROBUST)),
             debugger=self.inspector,
-            patient_worker=patient,
-            new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient),
         )
         self.session = Session(self.state, self.driver, self.shown.append)
         for picture in seen:

@@ -16,7 +16,7 @@ import viser
 from ltvn_viz.layers.floor_plan import FLOOR_PLAN_NAME
 from ltvn_viz.page_layout import OwnParts, PagePart
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
-from ltvn_viz.session.inspection import NO_INSPECTION, NOTHING_SELECTED, Inspection, QuestionName
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
@@ -87,7 +87,7 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
 def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-        own_control(watcher, viser.GuiDropdownHandle)
+        own_control(watcher, viser.GuiCheckboxHandle)
         before = state_of(app)
         graph_nodes = app.harness.now.moment.graph.ids.tolist()
         targets = targets_of(app.server, graph_nodes, ["old.rrd"], [driver.client, watcher.client])
@@ -99,47 +99,37 @@ def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> N
         require_unchanged(app, driver, watcher, before)
 
 
-def test_a_watcher_asks_why_and_selects_in_a_view_of_its_own(app: FlatApp) -> None:
+def test_a_watcher_sees_the_driver_s_question_and_asks_none_itself(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-
-        def own() -> Inspection:
-            return app.harness.now.own_inspections.get(watcher.number, NO_INSPECTION)
-
-        questions = own_control(watcher, viser.GuiDropdownHandle)
+        controls = app.server.gui._gui_input_handle_from_uuid.values()
+        questions: Any = next(each for each in controls if getattr(each, "label", "") == "Question")
         until(lambda: QuestionName.EDGE in questions.options)
-        watcher.set(questions._impl.uuid, str(QuestionName.EDGE))
-        until(lambda: own().question == QuestionName.EDGE)
-        graph = app.harness.now.moment.graph
-        watcher.say(click_on("/graph/nodes", 3))
-        until(lambda: own().selection.node == graph.ids[3])
-        until(lambda: f"Node {graph.ids[3]}" in own().html)
-        link = re.search(r'data-id="(\d+)"', own().html)
+        watcher.set(questions._impl.uuid, str(QuestionName.TIME))
+        watcher.settle()
+        driver.set(questions._impl.uuid, str(QuestionName.EDGE))
+        node = int(app.harness.now.moment.graph.ids[3])
+        until_shown(app, lambda now: now.inspection.question == QuestionName.EDGE)
+        driver.say(click_on("/graph/nodes", 3))
+        now = until_shown(app, lambda now: f"Node {node}" in now.inspection.html)
+        link = re.search(r'data-id="(\d+)"', now.inspection.html)
         assert link is not None
         watcher.ask(Action.FOLLOW, int(link[1]))
-        until(lambda: own().selection.edge is not None)
-        shared = app.harness.state.debugger.shown
-        assert shared.question == QuestionName.NONE
-        assert shared.selection == NOTHING_SELECTED
-        assert app.session.mode is Mode.TELEOP
-        assert QuestionName.BREAK not in own().offered
-        assert QuestionName.HAND not in own().offered
-        assert QuestionName.SHARE not in own().offered
-        questions = own_control(watcher, viser.GuiDropdownHandle)
-        watcher.set(questions._impl.uuid, str(QuestionName.NONE))
-        until(lambda: watcher.number not in app.harness.now.own_inspections)
+        watcher.ask(Action.QUESTION, str(QuestionName.TIME))
+        watcher.settle()
+        shown = app.harness.state.debugger.shown
+        assert (shown.question, shown.selection.node, shown.selection.edge) == (QuestionName.EDGE, node, None)
 
 
-def test_a_watcher_who_picks_a_node_is_told_what_to_do_and_the_robot_stays(app: FlatApp) -> None:
+def test_a_watcher_who_picks_a_node_leaves_the_robot_until_it_takes_over(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-        watcher.say(click_on("/graph/nodes", 3))
-        until(lambda: watcher.number in app.harness.now.own_inspections)
-        assert "take over first" in app.harness.now.own_inspections[watcher.number].notice
+        far = len(app.harness.now.moment.graph.ids) - 1
+        watcher.say(click_on("/graph/nodes", far))
+        watcher.settle()
         assert app.session.mode is Mode.TELEOP
         watcher.take_seat()
-        until(lambda: watcher.number not in app.harness.now.own_inspections)
-        watcher.say(click_on("/graph/nodes", len(app.harness.now.moment.graph.ids) - 1))
+        watcher.say(click_on("/graph/nodes", far))
         until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 
@@ -150,7 +140,7 @@ def test_only_the_page_that_drives_aligns_the_floor_plan(app: FlatApp) -> None:
         driver.ask(Action.ALIGN_PLAN)
         until_shown(app, lambda now: now.floor_plan is not None and now.floor_plan.is_aligning)
         watcher.say(click_on("/graph/nodes", 3))
-        until(lambda: watcher.number in app.harness.now.own_inspections)
+        watcher.settle()
         assert view_of(app).node is None
         driver.say(click_on("/graph/nodes", 3))
         until(lambda: view_of(app).node is not None)
@@ -158,7 +148,7 @@ def test_only_the_page_that_drives_aligns_the_floor_plan(app: FlatApp) -> None:
         until(lambda: sheet in app.server.viser.scene._handle_from_node_name)
         down = {"ray_origin": [1, 1, 3], "ray_direction": [0, 0, -1], "instance_index": None}
         watcher.say(click_on(sheet, 0) | down)
-        until(lambda: "Take over" in app.harness.now.own_inspections[watcher.number].notice)
+        watcher.settle()
         assert view_of(app).pairs == 0
         driver.say(click_on(sheet, 0) | down)
         until(lambda: view_of(app).pairs == 1)
@@ -183,7 +173,7 @@ def test_a_page_that_leaves_while_its_parts_are_made_leaves_nothing_behind(app: 
 
     with open_sockets(app.server) as page:
         pages.append(page.client)
-        OwnParts(lambda: list(pages), make, lambda _: None).show(Snapshot())
+        OwnParts(lambda: list(pages), make).show(Snapshot())
         assert tab._children == {}
 
 

@@ -37,7 +37,7 @@ def test_the_plan_moves_and_takes_clicks_only_while_a_place_on_it_is_expected() 
     moved = laid.moved_to(np.array([2.0, 1.0, 0.5])).plan
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        layer = FloorPlanLayer(server.scene, on_place=lambda place, _page: places.append(place))
+        layer = FloorPlanLayer(server.scene, on_place=places.append)
         layer.show(Snapshot())
         assert layer.image is None
         layer.show(Snapshot(floor_plan=FloorPlanView(laid.plan)))

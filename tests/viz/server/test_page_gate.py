@@ -87,15 +87,13 @@ def test_a_watcher_changes_no_shared_control_and_is_told_who_drives(house: House
     assert any('"refused"' in str(text) for text in told)
 
 
-def test_whoever_takes_a_click_is_told_whether_the_page_drives(house: House) -> None:
-    for page in (house.driver, house.watcher):
-        page.say(CLICK)
-    until(lambda: len(house.clicked) == 2)
-    askers = [house.server.asker(number) for number in house.clicked if number is not None]
-    assert sorted((asker.page, asker.drives) for asker in askers) == [
-        (house.driver.number, True),
-        (house.watcher.number, False),
-    ]
+def test_a_click_into_the_scene_is_the_driver_s_alone(house: House) -> None:
+    house.watcher.say(CLICK)
+    house.watcher.settle()
+    house.driver.say(CLICK)
+    until(lambda: house.clicked)
+    assert [house.server.number_of(number) for number in house.clicked if number is not None] == [house.driver.number]
+    assert house.server.gate.counts[Verdict.WITHOUT_RIGHT] == 1
 
 
 def test_a_page_that_names_itself_as_another_or_as_nobody_has_no_right(house: House) -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from ltvn_viz.server.driver_seat import IDLE_S, Absence, DriverSeat, Loss
 from ltvn_viz.session.command_handlers import handle
-from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
@@ -93,12 +92,6 @@ def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -
     assert not harness.state.keeps_going
     assert harness.state.message is not None
     assert "needs a person" in harness.state.message.text
-
-
-def test_a_flood_of_a_watcher_s_wishes_keeps_out_nothing_that_the_driver_asks_for(harness: SessionHarness) -> None:
-    for _ in range(5000):
-        harness.session.send(c.ChooseQuestion(QuestionName.EDGE), watcher=BOB)
-    assert harness.do(c.NavigateTo(a_far_node(harness))).mode is Mode.NAVIGATING
 
 
 def test_whoever_started_a_query_keeps_the_seat_while_it_goes_on() -> None:

@@ -10,11 +10,12 @@ APP_STAMP := $(VENV)/.app-installed
 export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-# So many tests run side by side, one thread each; a module's tests stay together, and the long modules come first.
-PROCESSES ?= 2
+# Test processes of one thread each: one more than two cores, because tests wait a third of the time for a browser or for
+# another process. A module's tests stay together; the modules that took longest come first (tests/module_seconds.txt).
+PROCESSES ?= 3
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
-.PHONY: help demo robot-demo test test-fast campaign coverage format lint type check bench docs pictures clean
+.PHONY: help demo robot-demo test test-times test-fast campaign coverage format lint type check bench docs pictures clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -27,6 +28,9 @@ robot-demo: $(APP_STAMP)  ## Open the page on a robot of ROS 2: the simulated on
 
 test: $(STAMP) chromium  ## Run every test, the browser's among them.
 	$(PYTEST)
+
+test-times: $(STAMP) chromium  ## Run every test, and keep what each module took: the order of the next runs.
+	$(PYTEST) --keep-times
 
 test-fast: $(STAMP)  ## Run the tests that need no browser and little time.
 	$(PYTEST) -m 'not browser and not slow'

@@ -10,7 +10,7 @@ function isFree(control) {
 
 function explain(event) {
   const control = controlOf(event.target);
-  if (control === null || isFree(control)) return;
+  if (control === null || isFree(control) || (!isWatching() && !("ltvnHint" in control.dataset))) return;
   control.dataset.ltvnHint ??= control.title;
   control.title = isWatching() ? whyNot() : control.dataset.ltvnHint;
 }

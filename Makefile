@@ -11,7 +11,7 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
 # Test processes of one thread each: one more than two cores, because tests wait a third of the time for a browser or for
-# another process. A module's tests stay together; the modules that took longest come first (tests/module_seconds.txt).
+# another process. What stays together, and what comes first, is said in tests/longest_first.py.
 PROCESSES ?= 3
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 

@@ -8,9 +8,10 @@ from collections.abc import Generator
 from importlib.util import find_spec
 
 import pytest
+from xdist.remote import Producer
 
 from ltvn_core.extras import EXTRAS
-from tests.longest_first import ModuleTimes, longest_first
+from tests.longest_first import ModuleTimes, OneBrowser, longest_first
 
 ONLY_FOR_TESTS = ("nbclient", "nbformat", "playwright")
 
@@ -24,7 +25,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give this run, with all processes that test for it, an empty cache; nothing of the user's is read or written."""
     if hasattr(config, "workerinput"):  # A process of pytest-xdist gets the cache of the one that started it.
         return
-    config.pluginmanager.register(ModuleTimes(are_kept=config.getoption("--keep-times")), "module-times")
+    config.pluginmanager.register(ModuleTimes(are_kept=bool(config.getoption("--keep-times"))), "module-times")
     folder = tempfile.mkdtemp(prefix="ltvn-test-cache-")
     os.environ["XDG_CACHE_HOME"] = folder
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
@@ -57,3 +58,8 @@ def _missing_library(text: str) -> str | None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the modules that take long first."""
     longest_first(items)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> OneBrowser:
+    """Let one process alone open browsers."""
+    return OneBrowser(config, log)

@@ -4,12 +4,15 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from xdist.scheduler.loadscope import LoadScopeScheduling
 
 TIMES = Path(__file__).parent / "module_seconds.txt"
 """Seconds and path of each module of `LISTED_S` and more; `make test-times` writes it."""
 LISTED_S = 2.0
 _NEW_S = 5.0
-"""Time of a module with a browser or slow test that is not listed."""
+"""Time of a module with a slow test that is not listed."""
+BROWSER = "tests/browser/"
+"""Where the tests are that need a browser."""
 _SHOWN = 10
 
 
@@ -36,15 +39,29 @@ class ModuleTimes:
             TIMES.write_text("".join(listed), encoding="utf-8")
 
 
+class OneBrowser(LoadScopeScheduling):
+    """Gives each process one module after the other, and all modules with a browser to the same process.
+
+    A page that is drawn in software takes a whole core, so two browsers at once only slow each other down.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        return BROWSER if nodeid.startswith(BROWSER) else super()._split_scope(nodeid)
+
+
 def longest_first(items: list[pytest.Item]) -> None:
-    """Sort tests so that no process waits for another one in the end: modules by measured time, the longest first."""
+    """Sort tests by the measured time of their module, those with a browser first of all, so that in the end no process
+    waits for another one."""
     seconds = _measured()
     of_module: dict[str, float] = {}
     for item in items:
-        module = item.nodeid.partition("::")[0]
-        is_long = any(item.get_closest_marker(marker) for marker in ("browser", "slow"))
-        of_module[module] = max(seconds.get(module, _NEW_S if is_long else 0.0), of_module.get(module, 0.0))
-    items.sort(key=lambda item: -of_module[item.nodeid.partition("::")[0]])
+        usual = _NEW_S if item.get_closest_marker("slow") else 0.0
+        of_module[_module(item)] = max(seconds.get(_module(item), usual), of_module.get(_module(item), 0.0))
+    items.sort(key=lambda item: (not item.nodeid.startswith(BROWSER), -of_module[_module(item)]))
+
+
+def _module(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]
 
 
 def _measured() -> dict[str, float]:

@@ -10,9 +10,8 @@ APP_STAMP := $(VENV)/.app-installed
 export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-# Test processes of one thread each: one more than two cores, because tests wait a third of the time for a browser or for
-# another process. What stays together, and what comes first, is said in tests/longest_first.py.
-PROCESSES ?= 3
+# So many test processes of one thread each. What stays together, and what comes first, is said in tests/longest_first.py.
+PROCESSES ?= 2
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
 .PHONY: help demo robot-demo test test-times test-fast campaign coverage format lint type check bench docs pictures clean

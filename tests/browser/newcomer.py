@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from playwright.sync_api import Page, expect
 
 from tests.browser.actions import App, click_goal_image
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 HINT = ".lt-hint"
 FADED = ("seen blocked", "pruned")
@@ -32,6 +32,12 @@ def reach_first_goal(app: App, page: Page) -> None:
     page.get_by_role("tab", name="Go").click()
     click_goal_image(app, page, lambda offered: offered[0])
     expect(page.locator(HINT)).to_contain_text("yellow is the plan")
+    # On a busy computer robot time passes slowly; `first_query_s` tells it.
+    until(
+        lambda: app.session.state.live.timeline.queries[0].end is not None,
+        patience_s=3 * PATIENCE_S,
+        meanwhile=lambda: page.wait_for_timeout(100),
+    )
     expect(page.locator(HINT)).to_contain_text("Arrived. Pick the next goal")
 
 

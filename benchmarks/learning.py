@@ -5,7 +5,7 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.acceleration import FLOAT32
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard
@@ -20,10 +20,9 @@ def learn() -> list[Measurement]:
     shard = make_shard(DatasetScene(scene.name, scene.clearance, open_renderer(scene)), DatasetRecipe(clusters=40))
     retain_freed_memory()
     sampler, trainer, plain = BatchSampler([shard]), Trainer(Hyperparameters()), UnoptimizedTrainer()
-    precision = MixedPrecision(bfloat16=False)
-    trainer.step(sampler, precision, 0.5)
+    trainer.step(sampler, FLOAT32, 0.5)
     pairs = trainer.pairs
     batch = sampler.draw(np.random.default_rng(0), groups=10, pairs_per_group=18)
-    ratio = alternating(lambda: trainer.step(sampler, precision, 0.5), lambda: plain.step(batch), 3)
+    ratio = alternating(lambda: trainer.step(sampler, FLOAT32, 0.5), lambda: plain.step(batch), 3)
     faster = ratio * pairs / plain.pairs
     return [measured("training: pairs per second against a plain loop", faster, "x more", at_least=2)]

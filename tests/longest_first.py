@@ -29,11 +29,12 @@ class ModuleTimes:
         self._seconds[report.nodeid.partition("::")[0]] += report.duration  # pyright: ignore[reportArgumentType]
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Print the modules that took longest."""
-        total = sum(self._seconds.values())
-        terminalreporter.section(f"{_SHOWN} longest of {len(self._seconds)} modules, {total:.0f} s in all")
-        for module, seconds in self._seconds.most_common(_SHOWN):
-            terminalreporter.line(f"{seconds:6.1f} s  {module}")
+        """Print the modules that took longest, where there are many."""
+        if len(self._seconds) > _SHOWN:
+            total = sum(self._seconds.values())
+            terminalreporter.section(f"{_SHOWN} longest of {len(self._seconds)} modules, {total:.0f} s in all")
+            for module, seconds in self._seconds.most_common(_SHOWN):
+                terminalreporter.line(f"{seconds:6.1f} s  {module}")
         if self._are_kept:
             listed = [f"{s:6.1f}  {module}\n" for module, s in self._seconds.most_common() if s >= LISTED_S]
             TIMES.write_text("".join(listed), encoding="utf-8")

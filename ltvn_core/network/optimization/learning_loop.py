@@ -47,18 +47,17 @@ class LearningLoop(ABC):
 
     def learn(self) -> bool:
         """Run all remaining steps; return False if `goes_on` stopped them early."""
-        precision = self._precision
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
         while (before := self.progress()) < 1:
             if not self.goes_on():
                 return False
-            self.before_step(before, precision)
-            losses = self.trainer.step(self.sampler, precision, before, self.distributed_context)
+            self.before_step(before, self._precision)
+            losses = self.trainer.step(self.sampler, self._precision, before, self.distributed_context)
             # All processes must agree on the time, or one would wait for gradients forever.
             self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
             self._smooth(losses.loss)
-            self.after_step(before, losses, precision)
+            self.after_step(before, losses, self._precision)
             if self.distributed_context.is_leader and time.monotonic() - saved > self.checkpoint_every_s:
                 self.save()
                 saved = time.monotonic()

@@ -50,7 +50,7 @@ from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
-from ltvn_viz.session.goals import Goals, ThumbnailStore
+from ltvn_viz.session.goals import Goals, ThumbnailStore, node_picture
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
 from ltvn_viz.session.options import DEMO_SCENE, AppOptions
@@ -311,6 +311,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     state = open_app_state(options, stack, thumbnails, server.say_loading)
     server.say_loading("Building the panels…")
     server.add_route("/thumb/", thumbnails.get)
+    server.add_route("/seen/", lambda frame: node_picture(state.shown_observation, frame))
     server.add_route("/marks/", state.strips.rows_from, ending="json")
     server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot

@@ -19,12 +19,13 @@ from ltvn_core import palette
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds import WorldState
-from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
+from ltvn_viz.layers.close_layers import RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.first_view import FirstView, Floor
 from ltvn_viz.layers.floor_plan import FloorPlanLayer
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
+from ltvn_viz.layers.plan_view import PlanView
 from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
 from ltvn_viz.layers.scene_assets import FloorPicture, add_lights
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
@@ -32,16 +33,17 @@ from ltvn_viz.layers.world_layers import BoxesLayer, DoorsLayer
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.command_palette import CommandPalette, list_stop
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
-from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, FollowCamera, PadPanel
+from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, PadPanel
 from ltvn_viz.panels.floor_plan_panel import FloorPlanPanel
 from ltvn_viz.panels.html_widgets import grey_for_watchers
-from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel, TimelinePanel
 from ltvn_viz.panels.status_panel import Notifications, StatusPanel, StoryBar
 from ltvn_viz.panels.world_panel import WorldPanel
+from ltvn_viz.server.drive_socket import Newest
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
+from ltvn_viz.server.requests import RouteHandler
 from ltvn_viz.session.snapshot import Message, Snapshot
 from ltvn_viz.wishes.commands import Command
 from ltvn_viz.wishes.wish_table import Action, Value
@@ -168,6 +170,21 @@ class Painter:
             return None if self._closing else snapshot
 
 
+class WhenShown:
+    """The parts of the 3D scene, which are drawn only while a page shows it."""
+
+    def __init__(self, parts: Sequence[PagePart], is_shown: Callable[[], bool]) -> None:
+        """Draw `parts` while `is_shown` returns True."""
+        self._parts = parts
+        self._is_shown = is_shown
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw a snapshot. Raises NotDrawnError."""
+        failed = _show_all(self._parts, snapshot) if self._is_shown() else []
+        if failed:
+            raise NotDrawnError(*failed)
+
+
 class Batch(Protocol):
     """Groups messages to the page, such as `viser.ViserServer.atomic`."""
 
@@ -216,16 +233,17 @@ class Pages(Protocol):
         """Return the address of a served file with the key that a picture in a panel needs."""
         ...
 
-    def show_picture(self, jpeg: bytes) -> None:
-        """Show the robot's camera picture on all pages, with colours and depth side by side."""
+    def add_route(self, prefix: str, handler: RouteHandler, *, ending: str) -> None:
+        """Serve `prefix<number>.ending` from `handler(number)`, called in a worker thread."""
         ...
 
-    def tell_moment(self, message: str) -> None:
-        """Send the moment on show to all pages."""
+    def tell(self, kind: Newest, message: str | bytes) -> None:
+        """Send a message to all pages, in place of any waiting message of its kind."""
         ...
 
-    def tell_activity(self, message: str) -> None:
-        """Send the robot's current activity to all pages."""
+    @property
+    def shows_scene(self) -> bool:
+        """Whether any page shows the 3D scene."""
         ...
 
 
@@ -238,7 +256,11 @@ def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets, fl
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
     server.gui.set_panel_label(TITLE)
-    return [*_panels(server, pages, floor), *_layers(server.scene, pages, assets)]
+    plan_view = PlanView(pages.tell, assets.scene_picture, assets.robot, floor)
+    pages.add_route("/map/", plan_view.changes.since, ending="json")
+    pages.add_route("/floor/", plan_view.picture, ending="bin")
+    scene = WhenShown(_layers(server.scene, assets), lambda: pages.shows_scene)
+    return [plan_view, *_panels(server, pages, floor), scene]
 
 
 def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PagePart]:
@@ -249,8 +271,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
 
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()
-    drive_tab = tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL)
-    with drive_tab:
+    with tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL):
         drive = DrivePanel(gui)
         learn = FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
@@ -263,15 +284,11 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
         why = DebuggerPanel(gui, pages.ask)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
-    camera = CameraPanel(gui, pages.show_picture)
+    camera = CameraPanel(gui, partial(pages.tell, Newest.PICTURE))
 
     def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
-        view = FirstView(floor, server, client)
-        with drive_tab:
-            follow = FollowCamera(client.gui, lambda: [client])
-        legend = LegendPanel(client.gui)
         list_stop(client.gui, partial(pages.stop_for, client.client_id))
-        return [view, follow, legend, RobotMarker(client), HeadingsLayer(client)]
+        return [WhenShown([FirstView(floor, server, client), RobotMarker(client)], lambda: pages.shows_scene)]
 
     return [
         status,
@@ -284,24 +301,24 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         replay,
         why,
         OwnParts(clients, own_parts),
-        TimelinePanel(pages.tell_moment),
-        PadPanel(pages.tell_activity),
+        TimelinePanel(partial(pages.tell, Newest.MOMENT)),
+        PadPanel(partial(pages.tell, Newest.ACTIVITY)),
         CommandPalette(gui, pages.ask),
         StoryBar(gui),
         Notifications(clients),
     ]
 
 
-def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
+def _layers(scene: viser.SceneApi, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
     return [
-        FloorPlanLayer(scene, on_place=partial(pages.ask, Action.POINT_ON_PLAN)),
+        FloorPlanLayer(scene),
         RobotLayer(scene, assets.robot, assets.robot_glb),
-        SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),
+        SceneLayer(scene, assets.scene_glb),
         AddedLayer(scene, assets.added_glb),
-        DoorsLayer(scene, on_pick=partial(pages.ask, Action.DOOR)),
-        BoxesLayer(scene, on_pick=partial(pages.ask, Action.AIM_BOX), on_floor=partial(pages.ask, Action.PUT_BOX)),
-        NodesLayer(scene, on_pick=partial(pages.ask, Action.PICK)),
+        DoorsLayer(scene),
+        BoxesLayer(scene),
+        NodesLayer(scene),
         BlockedEdgesLayer(scene),
         PlanLayer(scene),
         GoalLayer(scene),

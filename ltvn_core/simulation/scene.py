@@ -111,11 +111,11 @@ class Scene:
 
 def door_names(scene: Scene) -> tuple[str, ...]:
     """Return a name for each door of a scene, such as `hall – kitchen`."""
-    names = _room_names(scene.rooms)
+    names = room_names(scene.rooms)
     return tuple(" – ".join(names[room] for room in doorway.rooms) for doorway in scene.parts.doors)
 
 
-def _room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
+def room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
     """Return a name for each room; rooms of the same kind are numbered."""
     total = Counter(room.kind for room in rooms)
     seen = Counter[object]()

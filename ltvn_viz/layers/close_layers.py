@@ -1,4 +1,4 @@
-"""Layers that depend on the camera of each page: the robot's marker, and the headings of nearby nodes.
+"""The robot's marker, whose size depends on the camera of each page.
 
 The marker is visible at every zoom: it is above all walls, at least half a metre large, and grows with the distance of
 the camera, so that its size on the screen stays about the same.
@@ -10,10 +10,8 @@ import numpy as np
 import viser
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_history import GraphArrays
-from ltvn_viz.layers import CHANGE_Z
 from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M
-from ltvn_viz.layers.shapes import LineSegments, Mesh, disc_mesh, marker_mesh, points, wxyz
+from ltvn_viz.layers.shapes import Mesh, disc_mesh, marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
 MARKER_Z = CUT_HEIGHT_M + 0.25
@@ -24,10 +22,6 @@ MARKER_PER_DISTANCE = 0.045
 _RESIZE_FROM = 1.1
 """Least factor by which the size must change before it is sent to the page."""
 _STEM_M = 0.03
-HEADINGS_WITHIN_M = 4.0
-"""Greatest distance between the camera and its target at which the headings of nodes are drawn."""
-_TICK_M = 0.13
-"""Length of the line that shows a heading, in metres."""
 
 
 class RobotMarker:
@@ -70,28 +64,6 @@ class RobotMarker:
         self.size_m = wanted
         for part in self._parts:
             part.scale = wanted
-
-
-class HeadingsLayer:
-    """The heading of each node as a short line, drawn only while the camera is near."""
-
-    def __init__(self, client: viser.ClientHandle) -> None:
-        """Add the lines, hidden."""
-        self._camera = client.camera
-        self.ticks = LineSegments(client.scene, "/headings", thickness_px=2.0)
-        self._drawn: GraphArrays | None = None
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Draw the headings of the map on show while the camera is near."""
-        is_near = float(np.linalg.norm(self._camera.position - self._camera.look_at)) < HEADINGS_WITHIN_M
-        graph = snapshot.moment.graph if is_near else None
-        if graph is self._drawn:
-            return
-        self._drawn = graph
-        poses = np.empty((0, 3)) if graph is None else graph.poses
-        ahead = _TICK_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
-        segments = np.stack([poses[:, :2], poses[:, :2] + ahead], axis=1)
-        self.ticks.draw(points(segments, CHANGE_Z), np.full((len(poses), 3), palette.NODE, np.uint8))
 
 
 def _flat_mesh(

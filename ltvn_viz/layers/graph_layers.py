@@ -29,20 +29,14 @@ LANE_OFFSET_M = 0.025
 
 
 class NodesLayer:
-    """All nodes as one batch of dots, with the heading of the selected node; a click on a dot reports its node."""
+    """All nodes as one batch of dots, with the heading of the selected node."""
 
-    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
-        """Add the empty batch; `on_pick` gets the node, and must return at once."""
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the empty batch."""
         self.markers = Dots(scene, "/graph/nodes")
         self.heading = drops(scene, "/graph/heading", 0.26, palette.GOAL)
         self._drawn: GraphArrays | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
-
-        @self.markers.on_click
-        async def _(event: viser.SceneNodePointerEvent) -> None:
-            graph = self._drawn
-            if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
-                on_pick(int(graph.ids[event.instance_index]))
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the nodes of the map; the goal and the robot's localised node have their own colours."""

@@ -8,17 +8,11 @@ import viser
 
 from ltvn_core.errors import LtvnError
 from ltvn_core.worlds import AS_MADE, ThingKind, WorldState
-from ltvn_viz.layers.scene_assets import FloorPicture
 from ltvn_viz.session.snapshot import Snapshot
 
 LINGER_S = 1.5
 """Time for which the old scene stays under the new one, in seconds, because a page takes a while to unpack it."""
 NAMES = ("/apartment", "/apartment-again")
-PICTURE_NAME = "/picture"
-"""Name of the picture from above; `static/drawing.js` hides the scene itself if a page draws slowly."""
-BELOW_FLOOR_M = 0.02
-LYING = (0.0, 1.0, 0.0, 0.0)
-"""Rotation (wxyz) about x by which an image faces up, with its upper side towards y; viser's images face down."""
 
 
 class SceneLayer:
@@ -29,15 +23,10 @@ class SceneLayer:
         scene: viser.SceneApi,
         load: Callable[[str, WorldState], bytes],
         *,
-        load_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Load the GLB of a scene by `load`, and its picture from above by `load_picture`, from the scene's name and
-        state.
-
-        At first there is only the floor, which is hidden.
-        """
-        self._load_picture = load_picture
+        """Load the GLB of a scene by `load`, from the scene's name and state; at first there is only the floor, which
+        is hidden."""
         self._scene = scene
         self._load = load
         self._clock = clock
@@ -54,16 +43,11 @@ class SceneLayer:
             visible=False,
         )
         self.handle: viser.GlbHandle | None = None
-        self.picture: viser.ImageHandle | None = None
-        """The picture of the scene from above."""
-        self._picture_due: tuple[str, WorldState] | None = None
-        self._drawn_picture: FloorPicture | None = None
         self._before: viser.GlbHandle | None = None
         self._before_until = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the scene that the snapshot names; a floor with a grid in metres if that scene is not installed."""
-        self._draw_due_picture()
         world = snapshot.moment.progress.world
         # `AddedLayer` draws added objects.
         own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
@@ -81,11 +65,8 @@ class SceneLayer:
         self.floor.visible = glb is None
         if self.handle is not None:
             self.handle.visible = glb is not None
-        if self.picture is not None:
-            self.picture.visible = glb is not None
         if glb is not None:
             self._exchange(glb)
-            self._picture_due = shown
         if is_elsewhere:
             self._take_before_away()
 
@@ -96,34 +77,6 @@ class SceneLayer:
         self._before = self.handle
         self._before_until = self._clock() + LINGER_S
         self.handle = self._scene.add_glb(free, glb, cast_shadow=False, receive_shadow=False)
-
-    def _draw_due_picture(self) -> None:
-        """Draw the picture a little below the floor of the scene, so that it is visible when a page hides the scene
-        itself.
-
-        The picture takes a second to make, so it is drawn one snapshot after the scene.
-        """
-        if self._picture_due is None:
-            return
-        picture = self._load_picture(*self._picture_due)
-        self._picture_due = None
-        if picture is None or picture is self._drawn_picture:
-            return
-        self._drawn_picture = picture
-        width_m, depth_m = map(float, picture.high - picture.low)
-        middle = (picture.low + picture.high) / 2
-        self.picture = self._scene.add_image(
-            PICTURE_NAME,
-            picture.rgb,
-            width_m,
-            depth_m,
-            format="jpeg",
-            jpeg_quality=85,
-            cast_shadow=False,
-            receive_shadow=False,
-            wxyz=LYING,
-            position=(float(middle[0]), float(middle[1]), -BELOW_FLOOR_M),
-        )
 
     def _take_before_away(self) -> None:
         if self._before is not None:

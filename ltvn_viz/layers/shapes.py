@@ -1,7 +1,5 @@
 """Shapes for the layers: positions and rotations of poses, and batches of lines, dots or drops that change in place."""
 
-from collections.abc import Callable, Coroutine
-
 import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
@@ -141,11 +139,6 @@ class Dots:
         """Add both batches, empty and hidden."""
         self.dots = Markers(scene, name, disc_mesh(_DOT_M), palette.NODE)
         self.outline = Markers(scene, f"{name}/outline", disc_mesh(_DOT_M + _RIM_M), palette.BACKGROUND)
-
-    def on_click(self, picked: Callable[[viser.SceneNodePointerEvent], Coroutine[None, None, None]]) -> None:
-        """Call `picked` when a dot or its outline is clicked."""
-        for each in (self.dots, self.outline):
-            each.handle.on_click(picked)
 
     def place(self, poses: Pose, height_m: float) -> None:
         """Place one dot at each of the poses (N, 3); without poses, the dots are hidden."""

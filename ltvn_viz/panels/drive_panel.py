@@ -1,17 +1,13 @@
-"""The “Drive” tab: recording, mapping and fine-tuning, the pad, and the view that follows the robot.
+"""The “Drive” tab: recording, mapping, fine-tuning and the pad.
 
 The page's script draws the pad (`static/pad.js`).
 """
 
 import json
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
-import numpy as np
 import viser
-from numpy.typing import NDArray
 
-from ltvn_core.types import Pose
 from ltvn_viz.panels.html_widgets import (
     ActionButton,
     HtmlBlock,
@@ -111,53 +107,6 @@ def _activity_message(snapshot: Snapshot) -> str:
     """Return a message with the mode, the node that the robot drives to, and whether a story is running."""
     goal = None if snapshot.destination is None else int(snapshot.destination)
     return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal, "story": snapshot.story_goes_on})
-
-
-MOVE_EVERY_S = 1 / 15
-
-
-class FollowCamera:
-    """Keeps every page's view on the robot while its box is ticked; a person may still look elsewhere."""
-
-    def __init__(
-        self,
-        gui: viser.GuiApi,
-        clients: Callable[[], Iterable[viser.ClientHandle]],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Add the box, not ticked, to the open container."""
-        self._box = gui.add_checkbox("Follow the robot", initial_value=False, hint="the view moves along with it")
-        self._clients = clients
-        self._clock = clock
-        self._at: Pose | None = None
-        self._due = float("-inf")
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Point the views at the robot once, then shift them by its movement."""
-        pose = snapshot.moment.robot
-        if pose is None or not self._box.value:
-            self._at = None
-            return
-        if self._at is None:
-            self._look_at(pose)
-            return
-        if self._clock() < self._due or np.array_equal(pose[:2], self._at[:2]):
-            return
-        shift = np.append(pose[:2] - self._at[:2], 0.0)
-        self._at = pose
-        self._due = self._clock() + MOVE_EVERY_S
-        for client in self._clients():
-            _shift(client.camera, shift)
-
-    def _look_at(self, pose: Pose) -> None:
-        self._at = pose
-        for client in self._clients():
-            _shift(client.camera, np.append(pose[:2] - client.camera.look_at[:2], 0.0))
-
-
-def _shift(camera: viser.CameraHandle, shift_m: NDArray[np.float64]) -> None:
-    # Setting the position keeps the direction of view.
-    camera.position = camera.position + shift_m
 
 
 MINUTES = 3

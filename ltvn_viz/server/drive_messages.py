@@ -56,7 +56,15 @@ class LinkMessage:
     """Query of the page's address, not parsed yet."""
 
 
-PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage | HereMessage
+@dataclass(frozen=True, slots=True)
+class ViewMessage:
+    """What the page shows of the map."""
+
+    shows_scene: bool
+    """Whether it shows the 3D scene, and not the plan view."""
+
+
+PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage | ViewMessage | HereMessage
 
 HERE = HereMessage()
 
@@ -81,10 +89,12 @@ def parse_message(text: str | bytes) -> PageMessage:
             return ActionMessage(action, _carried(action, value))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
+        case {"type": "view", "scene": bool(shows_scene)} if len(fields) == 2:
+            return ViewMessage(shows_scene)
         case {"type": "here"} if len(fields) == 1:
             return HERE
         case _:
-            valid = "a drive, an action, a link or a heartbeat would be valid"
+            valid = "a drive, an action, a link, a view or a heartbeat would be valid"
             raise MessageError(f"unknown message with the fields {sorted(fields)}; {valid}")
 
 
@@ -138,7 +148,7 @@ def _whole(value: Any) -> int:
 
 def _carried(action: Action, value: Any) -> Value:
     match value:
-        case [int() | float() as x, int() | float() as y]:
+        case [int() | float() as x, int() | float() as y] if not isinstance(x, bool) and not isinstance(y, bool):
             carried: Value = (x, y)
         case None | int() | str():
             carried = value

@@ -26,6 +26,7 @@ from ltvn_viz.server.drive_messages import (
     LinkMessage,
     MessageError,
     PageMessage,
+    ViewMessage,
     parse_message,
     refusal_message,
     state_message,
@@ -69,6 +70,14 @@ class Newest(Enum):
     """The moment on show."""
     ACTIVITY = auto()
     """The robot's current activity."""
+    ROBOT = auto()
+    """The robot's pose."""
+    VIEW = auto()
+    """The plan view, except what has a message of its own."""
+    PATH = auto()
+    """The path that was driven."""
+    COURSE = auto()
+    """The whole path of the open recording."""
     BEAT = auto()
     """A sign of life of the server."""
 
@@ -79,6 +88,7 @@ class _Page:
     def __init__(self, client: ClientId, connection: GuardedConnection) -> None:
         self.client = client
         self.connection = connection
+        self.shows_scene = False
         self._told = ""
         self._unsent: list[str] = []
         self._newest: dict[Newest, str | bytes] = {}
@@ -177,6 +187,11 @@ class DriveSocket:
             self._tell_absence()
             await asyncio.gather(sender, return_exceptions=True)
 
+    @property
+    def shows_scene(self) -> bool:
+        """Whether any page shows the 3D scene."""
+        return any(page.shows_scene for page in list(self._pages.values()))
+
     def client_of(self, key: str | None) -> ClientId | None:
         """Return the page with a key; None if its drive socket is not open."""
         return None if key is None else self._clients.get(key)
@@ -231,6 +246,9 @@ class DriveSocket:
         match message:
             case HereMessage():
                 self.presence.hear(page.client)
+                return
+            case ViewMessage(shows_scene):
+                page.shows_scene = shows_scene
                 return
             case DriveMessage(held, epoch, age_s):
                 self.seat.receive(page.client, held, epoch, age_s)

@@ -150,17 +150,14 @@ class GuardedServer:
         """Return the address of a served file with the key that a picture in a panel needs."""
         return self._proof.file_address(address)
 
-    def show_picture(self, jpeg: bytes) -> None:
-        """Send the camera picture to all pages. Safe from any thread."""
-        self._drive.tell_newest(Newest.PICTURE, jpeg)
+    def tell(self, kind: Newest, message: str | bytes) -> None:
+        """Send a message to all pages, in place of any waiting message of its kind. Safe from any thread."""
+        self._drive.tell_newest(kind, message)
 
-    def tell_moment(self, message: str) -> None:
-        """Send the moment on show to all pages. Safe from any thread."""
-        self._drive.tell_newest(Newest.MOMENT, message)
-
-    def tell_activity(self, message: str) -> None:
-        """Send the robot's current activity to all pages. Safe from any thread."""
-        self._drive.tell_newest(Newest.ACTIVITY, message)
+    @property
+    def shows_scene(self) -> bool:
+        """Whether any page shows the 3D scene."""
+        return self._drive.shows_scene
 
     def say_loading(self, step: str) -> None:
         """Show the current loading step on waiting pages. Safe from any thread."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import viser
 from websockets.http11 import Response
 
+from ltvn_core import palette
 from ltvn_viz.server.glossary import TERMS
 from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows, us_caps
 from ltvn_viz.server.requests import HTML, reply
@@ -68,11 +69,30 @@ SCRIPTS = (
     "timeline_view.js",
     "timeline.js",
     "details.js",
-    "drawing_speed.js",
-    "drawing.js",
+    "plan_data.js",
+    "plan_draw.js",
+    "plan_view.js",
+    "legend.js",
     "main.js",
 )
 STYLES = ("theme.css", "loading.css", "layout.css", "ltvn.css", "timeline.css")
+_COLOURS = {
+    "robot": palette.ROBOT.css,
+    "node": palette.NODE.css,
+    "action": palette.ACTION.css,
+    "plan": palette.PLAN.css,
+    "localised": palette.LOCALISED.css,
+    "predicted": palette.PREDICTED_POSE.css,
+    "goal": palette.GOAL.css,
+    "trajectory": palette.TRAJECTORY.css,
+    "course": palette.COURSE.css,
+    "added": palette.EDGE_ADDED.css,
+    "removed": palette.EDGE_REMOVED.css,
+    "target": palette.TARGET.css,
+    "accent": palette.ACCENT.css,
+    "text": palette.TEXT.css,
+    "background": palette.BACKGROUND.css,
+}
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool")
@@ -140,6 +160,9 @@ def _script() -> str:
     tables = {
         "KEYMAP": _keymap(),
         "LINK_WORDS": LINK_PARAMETERS,
+        "COLOURS": _COLOURS,
+        "RAMP": palette.PROBABILITY_RAMP.tolist(),
+        "SCORE_RAMP": palette.SCORE_RAMP.tolist(),
         "TIMELINE": strip_tables(),
         "GLOSSARY": [term._asdict() for term in TERMS],
         "SOCKET_WORKER": (STATIC / SOCKET_WORKER).read_text(encoding="utf-8"),

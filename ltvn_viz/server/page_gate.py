@@ -27,7 +27,6 @@ from ltvn_viz.server.page_messages import (
     CommandTrigger,
     DrawnImage,
     ElementUpdate,
-    NodeClick,
     UploadPart,
     UploadStart,
     ViewerCamera,
@@ -110,8 +109,6 @@ class PageGate:
                 return Verdict.UNFIT  # Like viser, this accepts a page only after its first camera message.
             case ElementUpdate():
                 return self._judge_update(self._viser, client, page, message)
-            case NodeClick():
-                return self._shared(page, is_fit=_is_clickable(self._viser, message))
             case UploadStart() | UploadPart():
                 return self._judge_upload(self._viser, client, page, message)
             case CommandTrigger(uuid):
@@ -244,8 +241,3 @@ class GuardedPage:
 
 def _verdict(is_fit: bool) -> Verdict:
     return Verdict.ADMITTED if is_fit else Verdict.UNFIT
-
-
-def _is_clickable(server: viser.ViserServer, message: NodeClick) -> bool:
-    node: Any = server.scene._handle_from_node_name.get(message.name)
-    return node is not None and message.owner == server.scene._owner_id and bool(node._impl.click_cb)

@@ -5,7 +5,7 @@ may be used by the page.
 """
 
 import math
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 import viser
@@ -29,9 +29,6 @@ _Number: TypeAlias = Annotated[float, Meta(ge=-1e9, le=1e9)]
 _Vector: TypeAlias = tuple[_Number, _Number, _Number]
 _Name: TypeAlias = Annotated[str, Meta(max_length=MAX_NAME)]
 _Count: TypeAlias = Annotated[int, Meta(ge=0, le=2**31)]
-_Modifier: TypeAlias = Literal[
-    "cmd/ctrl", "alt", "shift", "cmd/ctrl+alt", "cmd/ctrl+shift", "alt+shift", "cmd/ctrl+alt+shift"
-]
 Value: TypeAlias = (
     bool | int | float | Annotated[str, Meta(max_length=MAX_TEXT)] | Annotated[list[int | float], Meta(max_length=16)]
 )
@@ -65,18 +62,6 @@ class ElementUpdate(msgspec.Struct, frozen=True, tag="GuiUpdateMessage", tag_fie
 
     uuid: _Name
     updates: NewValue
-
-
-class NodeClick(msgspec.Struct, frozen=True, tag="SceneNodeClickMessage", tag_field="type", forbid_unknown_fields=True):
-    """An object in the scene was clicked."""
-
-    name: _Name
-    ray_origin: _Vector
-    ray_direction: _Vector
-    screen_pos: tuple[_Number, _Number]
-    instance_index: _Count | None
-    modifier: _Modifier | None
-    owner: _Name = ""
 
 
 class UploadStart(
@@ -118,9 +103,7 @@ class DrawnImage(
     render_uuid: _Name
 
 
-ViserMessage: TypeAlias = (
-    ViewerCamera | ElementUpdate | NodeClick | UploadStart | UploadPart | CommandTrigger | DrawnImage
-)
+ViserMessage: TypeAlias = ViewerCamera | ElementUpdate | UploadStart | UploadPart | CommandTrigger | DrawnImage
 """All messages that our pages send."""
 
 _DECODER = msgspec.msgpack.Decoder(ViserMessage)

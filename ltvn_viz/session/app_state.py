@@ -13,7 +13,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.navigation.events import Severity
-from ltvn_core.types import NodeId, Predictor
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
@@ -178,6 +178,12 @@ class AppState:
     def shown_run(self) -> Timeline:
         """The run that the page shows: the open recording, or else the live run."""
         return self.activity.timeline if isinstance(self.activity, Playback) else self.live.timeline
+
+    def shown_observation(self, frame: FrameId) -> Observation | None:
+        """Return an image of the run on show; None if it has none. Raises LtvnError. May be called in any thread."""
+        if isinstance(self.activity, Playback):
+            return self.activity.observation(frame)
+        return self.live_map.keyframes.observation(frame)
 
     @property
     def is_now(self) -> bool:

@@ -102,6 +102,10 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             choose_goal(state, node)
         case c.PickNode(node):
             pick(state, node)
+        case c.PickEdge(node, target):
+            if not state.debugger.is_on:
+                state.debugger.choose(QuestionName.EDGE)
+            state.debugger.point_at(node, target)
         case c.EditMap(deltas):
             change_map(state, deltas)
         case c.NavigateTo(node):

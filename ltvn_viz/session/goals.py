@@ -8,7 +8,7 @@ has no temporal support.
 import threading
 from base64 import b64encode
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.localisation_confidence import localisation_heat_map
 from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.errors import MapError
+from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.preprocessing import preprocess_image
@@ -58,6 +58,15 @@ class ThumbnailStore:
         """Return a picture as JPEG. May be called from any thread."""
         with self._lock:
             return self._jpegs.get(frame)
+
+
+def node_picture(observation: Callable[[FrameId], Observation | None], frame: FrameId) -> bytes | None:
+    """Return the image of a node on show as a JPEG; None if it cannot be read. May be called in any thread."""
+    try:
+        seen = observation(frame)
+    except LtvnError:
+        return None
+    return None if seen is None else _jpeg(seen.rgb)
 
 
 GALLERY_SIZE = 12

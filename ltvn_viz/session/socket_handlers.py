@@ -5,9 +5,10 @@ Both send actions of `WISHES`. Driving and stopping go through the seat.
 
 from ltvn_core.errors import OptionError
 from ltvn_core.types import Twist
-from ltvn_viz.server.drive_socket import DriveListener
+from ltvn_viz.server.drive_socket import DriveListener, Newest
 from ltvn_viz.server.driver_seat import ClientId, StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.requests import RouteHandler
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.wishes import commands as c
@@ -72,14 +73,15 @@ class SessionPages:
         """Return the address of a served file with the key that a picture in a panel needs."""
         return self._server.file_address(address)
 
-    def show_picture(self, jpeg: bytes) -> None:
-        """Show the robot's camera picture on all pages."""
-        self._server.show_picture(jpeg)
+    def add_route(self, prefix: str, handler: RouteHandler, *, ending: str) -> None:
+        """Serve `prefix<number>.ending` from `handler(number)`, called in a worker thread."""
+        self._server.add_route(prefix, handler, ending=ending)
 
-    def tell_moment(self, message: str) -> None:
-        """Send the moment on show to all pages."""
-        self._server.tell_moment(message)
+    def tell(self, kind: Newest, message: str | bytes) -> None:
+        """Send a message to all pages, in place of any waiting message of its kind."""
+        self._server.tell(kind, message)
 
-    def tell_activity(self, message: str) -> None:
-        """Send the robot's current activity to all pages."""
-        self._server.tell_activity(message)
+    @property
+    def shows_scene(self) -> bool:
+        """Whether any page shows the 3D scene."""
+        return self._server.shows_scene

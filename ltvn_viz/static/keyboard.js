@@ -46,6 +46,7 @@ function swallow(event) {
 
 function onKeyDown(event) {
   if (isTyping(event.target)) return;
+  if (onPlanKey(event)) return;
   const action = KEYMAP.actions[event.code];
   if (action === "stop") return pressStop(event);
   if (event.code === "Tab") isFocusByTab = true;

@@ -23,6 +23,6 @@ document.addEventListener("DOMContentLoaded", () => {
   listenToPalette();
   showRights();
   watchForSilence();
-  watchDrawing();
+  listenToPlan();
   connect();
 });

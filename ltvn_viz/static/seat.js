@@ -59,6 +59,13 @@ function isWatching() {
   return seat.isOpen && seat.driver !== null && seat.driver !== seat.you;
 }
 
+const HEARD = {
+  robot: hearRobot,
+  view: hearView,
+  path: (fields) => hearPath(fields, "path"),
+  course: (fields) => hearPath(fields, "course"),
+};
+
 function hear({ type, ...fields }) {
   if (type === "state") {
     const isNewEpoch = !seat.isOpen || fields.epoch !== seat.epoch;
@@ -68,6 +75,8 @@ function hear({ type, ...fields }) {
     openLink();
   } else if (type === "moment") {
     return hearMoment(fields);
+  } else if (type in HEARD) {
+    return HEARD[type](fields);
   } else if (type === "activity") {
     Object.assign(activity, fields);
   } else if (type === "refused") {

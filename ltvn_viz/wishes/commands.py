@@ -213,6 +213,14 @@ class PickNode(BaseCommand, modes=ANYWHERE):
 
 
 @dataclass(frozen=True, eq=False)
+class PickEdge(BaseCommand, modes=ANYWHERE):
+    """Report a click on an edge, which is asked about: by the question on show, or by the one about edges."""
+
+    node: NodeId
+    target: NodeId
+
+
+@dataclass(frozen=True, eq=False)
 class NavigateTo(BaseCommand, modes=DRIVING):
     """Drive to a node of the map; None means the chosen goal."""
 
@@ -399,6 +407,7 @@ OtherCommand: TypeAlias = (
     | DismissWeights
     | ChooseGoal
     | PickNode
+    | PickEdge
     | NavigateTo
     | NavigateToImage
     | KeepGoing

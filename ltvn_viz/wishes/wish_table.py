@@ -34,6 +34,7 @@ class Action(StrEnum):
     GOAL = "goal"
     SELECT = "select"
     PICK = "pick"
+    PICK_EDGE = "pick_edge"
     CANCEL = "cancel"
     END_ACTION = "end_action"
     PAUSE = "pause"
@@ -101,6 +102,8 @@ class Carried(Enum):
     TEXT = auto()
     PLACE = auto()
     """A position (x, y) in metres."""
+    EDGE = auto()
+    """Source and target of an edge."""
     PLACE_OR_NOTHING = auto()
 
     def fits(self, value: Value) -> bool:
@@ -115,6 +118,8 @@ class Carried(Enum):
                 return self in _NUMBERS and 0 <= value <= most
             case str():
                 return self is Carried.TEXT and len(value) <= MAX_TEXT
+            case int() as source, int() as target if self is Carried.EDGE:
+                return min(source, target) >= 0 and max(source, target) <= MAX_WHOLE
             case x, y:
                 return self in _PLACES and max(abs(x), abs(y)) <= FARTHEST_M and math.isfinite(x + y)
 
@@ -190,6 +195,9 @@ WISHES: Mapping[Action, Wish] = {
     ),
     Action.SELECT: Wish(c.ChooseGoal, "Choose a goal", "go to the node of an image", carries=Carried.WHOLE),
     Action.PICK: Wish(c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE),
+    Action.PICK_EDGE: Wish(
+        c.PickEdge, "", "ask about an edge of the map", carries=Carried.EDGE, make=lambda ends: c.PickEdge(*ends)
+    ),
     Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel the current activity", keys=("Escape",)),
     Action.END_ACTION: Wish(
         c.EndAction,

@@ -1,0 +1,92 @@
+// The map from above: what the server tells of it, and where things are. Metres and radians as the server has them.
+
+const EDGE_KEY = 2 ** 26; // Source times this plus target; both are counted in control steps, ten a second.
+const plan = { version: 0, nodes: new Map(), edges: new Map(), view: null, robot: null, path: [], course: [], isFetching: false };
+const pictures = new Map(); // Number -> ImageBitmap, or null while it comes.
+
+function hearRobot({ pose }) {
+  plan.robot = pose;
+  moveRobot();
+}
+
+function hearView(view) {
+  const before = plan.view;
+  plan.view = view;
+  fetchMap();
+  for (const number of [view.floor?.picture, view.sheet?.picture]) if (number !== undefined) fetchPicture(number);
+  if (differs(before, view, "floor", "rooms", "sheet", "solids", "bounds")) sheets.ground.redraw();
+  sheets.top.redraw();
+  if (differs(before, view, "floor", "bounds")) fitUntilMoved();
+  moveRobot();
+  showLegend();
+}
+
+function differs(one, other, ...names) {
+  return one === null || names.some((name) => JSON.stringify(one[name]) !== JSON.stringify(other[name]));
+}
+
+function hearPath({ points }, name) {
+  plan[name] = points;
+  sheets.path.redraw();
+}
+
+async function fetchMap() {
+  if (plan.isFetching || plan.view === null || plan.view.map === plan.version) return;
+  plan.isFetching = true;
+  try {
+    const answer = await fetchWithToken(`/map/${plan.version}.json`);
+    if (answer.ok) takeMap(await answer.json());
+  } catch {
+    // No connection: the next view that comes asks again.
+  } finally {
+    plan.isFetching = false;
+  }
+}
+
+function takeMap({ version, whole, nodes, goneNodes, edges, goneEdges }) {
+  if (whole) {
+    plan.nodes.clear();
+    plan.edges.clear();
+  }
+  for (const id of goneNodes) plan.nodes.delete(id);
+  for (const [source, target] of goneEdges) plan.edges.delete(source * EDGE_KEY + target);
+  for (const [id, x, y, yaw, isExit] of nodes) plan.nodes.set(id, { id, x: x / 1000, y: y / 1000, yaw: yaw / 1000, isExit });
+  for (const [source, target, p, acts] of edges) plan.edges.set(source * EDGE_KEY + target, { source, target, p: p / 1000, acts });
+  plan.version = version;
+  sheets.map.redraw();
+  sheets.top.redraw();
+  fitUntilMoved();
+  showLegend();
+}
+
+async function fetchPicture(number) {
+  if (pictures.has(number)) return;
+  pictures.set(number, null);
+  try {
+    const answer = await fetchWithToken(`/floor/${number}.bin`);
+    if (answer.ok) pictures.set(number, await createImageBitmap(await answer.blob()));
+    sheets.ground.redraw();
+  } catch {
+    pictures.delete(number); // The next view that comes asks again.
+  }
+}
+
+function edgeOf(source, target) {
+  return plan.edges.get(source * EDGE_KEY + target);
+}
+
+function roomAt(x, y) {
+  return plan.view?.rooms.find(([, x0, y0, x1, y1]) => x0 <= x && x <= x1 && y0 <= y && y <= y1)?.[0] ?? "";
+}
+
+// The corners of all there is to see: the floor where it is known, else the map, the path and the robot.
+function extent() {
+  const { floor, bounds } = plan.view;
+  if (floor !== null) return [...floor.low, ...floor.high];
+  const places = [...plan.nodes.values()].map(({ x, y }) => [x, y]).concat(plan.course);
+  if (places.length === 0) return bounds;
+  const [xs, ys] = [0, 1].map((axis) => places.map((place) => place[axis]));
+  const least = (all) => all.reduce((a, b) => Math.min(a, b)) - 1;
+  const most = (all) => all.reduce((a, b) => Math.max(a, b)) + 1;
+  return [least(xs), least(ys), most(xs), most(ys)];
+}

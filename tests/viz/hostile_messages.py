@@ -86,7 +86,7 @@ class HostileMessages:
 
     def well_formed(self) -> Iterator[bytes]:
         """Yield messages to viser that its own page could have sent."""
-        makers: Sequence[Callable[[], dict[str, Any]]] = (self._update, self._update, self._click, self._typed)
+        makers: Sequence[Callable[[], dict[str, Any]]] = (self._update, self._update, self._typed)
         while True:
             yield msgspec.msgpack.encode(self._random.choice(makers)())
 
@@ -119,6 +119,7 @@ class HostileMessages:
                             "age": self._random.randrange(2000),
                         },
                         {"type": "link", "query": self._link()},
+                        {"type": "view", "scene": self._random.random() < 0.5},
                         {"type": "here"},
                     )
                 )
@@ -229,7 +230,14 @@ class HostileMessages:
     def _wish(self, actions: Sequence[Action]) -> dict[str, Any]:
         action = self._random.choice(actions)
         number = self._random.choice((self._random.randrange(2000), *self._targets.graph_nodes[:20]))
-        values = (None, number, self._random.randrange(2), self._text(), (self._random.uniform(-9, 9), 1.0))
+        values = (
+            None,
+            number,
+            self._random.randrange(2),
+            self._text(),
+            (self._random.uniform(-9, 9), 1.0),
+            (number, 7),
+        )
         fitting = [value for value in values if WISHES[action].carries.fits(value)]
         return {"action": action, "value": self._random.choice(fitting)}
 

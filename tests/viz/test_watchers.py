@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import viser
 
-from ltvn_viz.layers.floor_plan import FLOOR_PLAN_NAME
 from ltvn_viz.page_layout import OwnParts, PagePart
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
@@ -87,7 +86,6 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
 def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-        own_control(watcher, viser.GuiCheckboxHandle)
         before = state_of(app)
         graph_nodes = app.harness.now.moment.graph.ids.tolist()
         targets = targets_of(app.server, graph_nodes, ["old.rrd"], [driver.client, watcher.client])
@@ -110,7 +108,7 @@ def test_a_watcher_sees_the_driver_s_question_and_asks_none_itself(app: FlatApp)
         driver.set(questions._impl.uuid, str(QuestionName.EDGE))
         node = int(app.harness.now.moment.graph.ids[3])
         until_shown(app, lambda now: now.inspection.question == QuestionName.EDGE)
-        driver.say(click_on("/graph/nodes", 3))
+        driver.ask(Action.PICK, node)
         now = until_shown(app, lambda now: f"Node {node}" in now.inspection.html)
         link = re.search(r'data-id="(\d+)"', now.inspection.html)
         assert link is not None
@@ -124,12 +122,12 @@ def test_a_watcher_sees_the_driver_s_question_and_asks_none_itself(app: FlatApp)
 def test_a_watcher_who_picks_a_node_leaves_the_robot_until_it_takes_over(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-        far = len(app.harness.now.moment.graph.ids) - 1
-        watcher.say(click_on("/graph/nodes", far))
+        far = int(app.harness.now.moment.graph.ids[-1])
+        watcher.ask(Action.PICK, far)
         watcher.settle()
         assert app.session.mode is Mode.TELEOP
         watcher.take_seat()
-        watcher.say(click_on("/graph/nodes", far))
+        watcher.ask(Action.PICK, far)
         until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 
@@ -139,18 +137,16 @@ def test_only_the_page_that_drives_aligns_the_floor_plan(app: FlatApp) -> None:
         driver.take_seat()
         driver.ask(Action.ALIGN_PLAN)
         until_shown(app, lambda now: now.floor_plan is not None and now.floor_plan.is_aligning)
-        watcher.say(click_on("/graph/nodes", 3))
+        node = int(app.harness.now.moment.graph.ids[3])
+        watcher.ask(Action.PICK, node)
         watcher.settle()
         assert view_of(app).node is None
-        driver.say(click_on("/graph/nodes", 3))
+        driver.ask(Action.PICK, node)
         until(lambda: view_of(app).node is not None)
-        sheet = f"{FLOOR_PLAN_NAME}-sheet"
-        until(lambda: sheet in app.server.viser.scene._handle_from_node_name)
-        down = {"ray_origin": [1, 1, 3], "ray_direction": [0, 0, -1], "instance_index": None}
-        watcher.say(click_on(sheet, 0) | down)
+        watcher.ask(Action.POINT_ON_PLAN, (1.0, 1.0))
         watcher.settle()
         assert view_of(app).pairs == 0
-        driver.say(click_on(sheet, 0) | down)
+        driver.ask(Action.POINT_ON_PLAN, (1.0, 1.0))
         until(lambda: view_of(app).pairs == 1)
         assert app.session.mode is Mode.TELEOP
 
@@ -175,30 +171,6 @@ def test_a_page_that_leaves_while_its_parts_are_made_leaves_nothing_behind(app: 
         pages.append(page.client)
         OwnParts(lambda: list(pages), make).show(Snapshot())
         assert tab._children == {}
-
-
-def own_control(page: PageSockets, kind: type) -> Any:
-    """Wait for a control that a page has for itself."""
-
-    def find() -> Any:
-        return next(
-            (each for each in page.client.gui._gui_input_handle_from_uuid.values() if isinstance(each, kind)), None
-        )
-
-    return until(find)
-
-
-def click_on(name: str, instance: int) -> dict[str, Any]:
-    return {
-        "type": "SceneNodeClickMessage",
-        "name": name,
-        "instance_index": instance,
-        "ray_origin": [0, 0, 0],
-        "ray_direction": [0, 0, 1],
-        "screen_pos": [0.5, 0.5],
-        "modifier": None,
-        "owner": "",
-    }
 
 
 def require_unchanged(app: FlatApp, driver: PageSockets, watcher: PageSockets, before: list[object]) -> None:

@@ -11,7 +11,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.analysis.map_history import GraphArrays
-from ltvn_viz.layers.close_layers import HEADINGS_WITHIN_M, LEAST_MARKER_M, MARKER_Z, HeadingsLayer, RobotMarker
+from ltvn_viz.layers.close_layers import LEAST_MARKER_M, MARKER_Z, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.world_layers import DOOR_HANDLE_Z
 from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
@@ -56,17 +56,6 @@ def test_no_marker_without_a_pose(server: viser.ViserServer) -> None:
     marker = RobotMarker(page_at(server, 10.0))
     marker.show(Snapshot())
     assert not marker.place.visible
-
-
-def test_headings_are_drawn_from_near_alone(server: viser.ViserServer) -> None:
-    page = page_at(server, HEADINGS_WITHIN_M + 1)
-    layer, shown = HeadingsLayer(page), Snapshot(moment=RunMoment(graph=GRAPH))
-    layer.show(shown)
-    assert not layer.ticks.handle.visible
-    page.camera.position = np.array([0.0, 0.0, HEADINGS_WITHIN_M - 1])
-    layer.show(shown)
-    assert layer.ticks.handle.visible
-    assert len(layer.ticks.handle.points) == len(GRAPH.ids)
 
 
 def test_a_selected_edge_that_is_only_pointed_at_keeps_the_colour_of_its_p_within_a_white_halo(

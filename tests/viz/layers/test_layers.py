@@ -90,7 +90,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
     layers = [
         RobotLayer(server.scene, LOCOBOT, b"glTF"),
         SceneLayer(server.scene, lambda _name, _state: b"glTF"),
-        NodesLayer(server.scene, lambda *_: None),
+        NodesLayer(server.scene),
         EdgesLayer(server.scene, clock),
         CourseLayer(server.scene),
         TrajectoryLayer(server.scene, clock),
@@ -194,7 +194,7 @@ def test_edges_are_coloured_by_p_and_likely_ones_are_thicker(server: viser.Viser
 
 
 def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    layer = NodesLayer(server.scene, lambda *_: None)
+    layer = NodesLayer(server.scene)
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
     colours = Counter(map(tuple, layer.markers.dots.handle.batched_colors.tolist()))
@@ -270,7 +270,7 @@ def test_colours_of_p_are_told_apart_at_the_ends() -> None:
 
 
 def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServer) -> None:
-    nodes, edges, graph = NodesLayer(server.scene, lambda *_: None), EdgesLayer(server.scene), big_graph(5, 7)
+    nodes, edges, graph = NodesLayer(server.scene), EdgesLayer(server.scene), big_graph(5, 7)
     nodes.show(Snapshot(moment=RunMoment(graph=graph)))
     edges.show(Snapshot(moment=RunMoment(graph=graph)))
 
@@ -288,16 +288,16 @@ def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServ
     assert rim.visible
 
 
-def test_nodes_lie_below_edges_and_only_the_selected_one_shows_where_it_looks(
+def test_nodes_lie_above_edges_and_only_the_selected_one_shows_where_it_looks(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    nodes, edges = NodesLayer(server.scene, lambda *_: None), EdgesLayer(server.scene)
+    nodes, edges = NodesLayer(server.scene), EdgesLayer(server.scene)
     nodes.show(snapshot)
     edges.show(snapshot)
     drawn = [batch.handle for batch in edges.lines.batches if batch.handle.visible]
-    top = nodes.markers.dots.handle.batched_positions[:, 2].max()
+    low = nodes.markers.dots.handle.batched_positions[:, 2].min()
     assert drawn
-    assert all(top < lines.points[..., 2].min() for lines in drawn)
+    assert all(low > lines.points[..., 2].max() for lines in drawn)
     assert not nodes.heading.handle.visible
     nodes.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
     assert nodes.heading.handle.visible
@@ -305,7 +305,7 @@ def test_nodes_lie_below_edges_and_only_the_selected_one_shows_where_it_looks(
 
 
 def test_all_nodes_cost_two_draw_calls_of_few_triangles(server: viser.ViserServer) -> None:
-    layer = NodesLayer(server.scene, lambda *_: None)
+    layer = NodesLayer(server.scene)
     layer.show(Snapshot(moment=RunMoment(graph=big_graph(500, 10))))
     assert len(layer.markers.dots.handle.batched_positions) == 500
     assert len(layer.markers.dots.handle.faces) <= 8

@@ -3,14 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import viser
 
 from ltvn_core.analysis.navigation_progress import NavigationProgress
 from ltvn_core.errors import SceneError
 from ltvn_core.worlds import AS_MADE, WorldState
-from ltvn_viz.layers.scene_assets import FloorPicture
 from ltvn_viz.layers.scene_layer import LINGER_S, SceneLayer
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
@@ -29,18 +27,13 @@ def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserSer
             raise SceneError("no such scene")
         return b"glTF"
 
-    picture = FloorPicture(np.zeros((20, 40, 3), np.uint8), np.array([-1.0, 0.0]), np.array([3.0, 2.0]))
-    layer = SceneLayer(server.scene, load, load_picture=lambda _name, _state: picture)
+    layer = SceneLayer(server.scene, load)
     layer.show(Snapshot(scene="here"))
     layer.show(Snapshot(scene="foreign"))
     assert layer.handle is not None
-    assert layer.picture is not None
     assert not layer.handle.visible
-    assert not layer.picture.visible
     layer.show(Snapshot(scene="here"))
     assert layer.handle.visible
-    assert layer.picture.visible
-    np.testing.assert_allclose(layer.picture.position[:2], (1.0, 1.0))
 
 
 def test_a_changed_scene_stays_until_a_page_had_time_for_the_new_one(server: viser.ViserServer) -> None:

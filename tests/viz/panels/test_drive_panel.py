@@ -1,15 +1,11 @@
-"""The “Drive” tab: learning, the view that follows, and the switch of the larger picture; without a browser."""
+"""The “Drive” tab: learning, and the switch of the larger picture; without a browser."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
-import numpy as np
 import viser
 
-from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, FollowCamera
+from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, RecordingStatus, Snapshot
-from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
 from tests.viz.panels.panel_contents import controls, is_enabled
@@ -18,7 +14,7 @@ from tests.viz.panels.panel_contents import controls, is_enabled
 def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    drive, learn, follow = DrivePanel(server.gui), FineTuningPanel(server.gui), FollowCamera(server.gui, list)
+    drive, learn = DrivePanel(server.gui), FineTuningPanel(server.gui)
     learn.minutes.value = 5
     for status, expected in (
         (FineTuningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
@@ -35,7 +31,7 @@ def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_i
         learn.show(now)
         assert expected in learn.buttons.content
         assert "use_weights" not in learn.buttons.content or status.phase is FineTuningPhase.LEARNED
-        assert controls(drive, learn, follow) <= 7
+        assert controls(drive, learn) <= 6
         if status.phase is FineTuningPhase.LEARNING:
             assert 'aria-valuenow="42"' in learn.state.content
     assert "&lt;b&gt;no" in learn.state.content
@@ -63,20 +59,6 @@ def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
     for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
         panel.show(busy)
         assert not is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
-
-
-def test_following_begins_by_looking_at_the_robot_and_goes_on_with_it(server: viser.ViserServer) -> None:
-    now = [0.0]
-    camera = SimpleNamespace(position=np.array([0.0, -3.0, 8.0]), look_at=np.zeros(3))
-    follow = FollowCamera(server.gui, lambda: [cast(Any, SimpleNamespace(camera=camera))], lambda: now[0])
-    (box,) = (each for each in vars(follow).values() if isinstance(each, viser.GuiCheckboxHandle))
-    box.value = True
-    shown = Snapshot(moment=replace(RunMoment(), robot=np.array([4.0, 2.0, 0.0])))
-    follow.show(shown)
-    np.testing.assert_allclose(camera.position, [4.0, -1.0, 8.0])
-    now[0] += 1.0
-    follow.show(replace(shown, moment=replace(shown.moment, robot=np.array([5.0, 2.0, 0.0]))))
-    np.testing.assert_allclose(camera.position, [5.0, -1.0, 8.0])
 
 
 def test_a_larger_picture_is_on_offer_only_where_somebody_can_draw_it(

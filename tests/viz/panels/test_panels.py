@@ -16,13 +16,12 @@ from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, PadPanel
 from ltvn_viz.panels.floor_plan_panel import FloorPlanPanel
 from ltvn_viz.panels.html_widgets import with_keys
-from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import AFTERWARDS_S, SECONDS, TITLES, Notifications, StatusPanel, StoryBar, first_tab
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.session.goals import LIMIT, ThumbnailStore, farthest_points
-from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName
+from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot import (
     DoorView,
     FloorPlanView,
@@ -149,26 +148,6 @@ def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserS
     assert is_enabled(panel.map.content, Action.CANCEL)
     panel.show(snapshot)
     assert Action.CANCEL not in panel.map.content
-
-
-def test_the_legend_is_bright_for_what_is_shown_now(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    panel = LegendPanel(server.gui)
-
-    def is_bright(name: str) -> bool:
-        item = next(part for part in panel.legend.content.split("<span") if f"</i>{name}</span>" in part)
-        return 'data-shown="1"' in item
-
-    panel.show(Snapshot())
-    assert not is_bright("node")
-    assert not is_bright("goal")
-    panel.show(replace(snapshot, selected=snapshot.gallery[0]))
-    assert is_bright("node")
-    assert is_bright("goal")
-    assert not is_bright("pruned or blocked edge")
-    assert "alike" not in panel.legend.content
-    answer = QuestionAnswer(overlay=Overlay(is_of_likeness=True))
-    panel.show(replace(snapshot, inspection=replace(snapshot.inspection, answer=answer)))
-    assert "alike" in panel.legend.content
 
 
 def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:

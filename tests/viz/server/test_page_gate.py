@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
 
 import pytest
 import viser
@@ -30,7 +29,6 @@ class House:
     text: viser.GuiInputHandle[str]
     box: viser.GuiInputHandle[bool]
     pressed: list[int | None]
-    clicked: list[int | None]
 
 
 @pytest.fixture
@@ -39,38 +37,22 @@ def house() -> Iterator[House]:
         server = stack.enter_context(GuardedServer(pace=ANY_PACE))
         gui = server.gui
         pressed: list[int | None] = []
-        clicked: list[int | None] = []
         number = gui.add_number("Minutes", 3.0, min=1.0, max=60.0)
         button = gui.add_button("Open")
         choice = gui.add_dropdown("Recording", ["a.rrd", "b.rrd"])
         text = gui.add_text("What", "")
         box = gui.add_checkbox("Follow", initial_value=False)
         button.on_click(lambda event: pressed.append(event.client_id))
-        thing = server.scene.add_box("/thing")
-        thing.on_click(lambda event: clicked.append(event.client_id))
         driver, watcher = (stack.enter_context(open_sockets(server)) for _ in range(2))
         driver.take_seat()
-        yield House(server, driver, watcher, number, button, choice, text, box, pressed, clicked)
-
-
-CLICK: dict[str, Any] = {
-    "type": "SceneNodeClickMessage",
-    "name": "/thing",
-    "instance_index": None,
-    "ray_origin": [0, 0, 0],
-    "ray_direction": [0, 0, 1],
-    "screen_pos": [0.5, 0.5],
-    "modifier": None,
-    "owner": "",
-}
+        yield House(server, driver, watcher, number, button, choice, text, box, pressed)
 
 
 def test_the_driver_uses_every_control(house: House) -> None:
     for element, value in ((house.number, 7), (house.choice, "b.rrd"), (house.text, "hello"), (house.box, True)):
         house.driver.set(element._impl.uuid, value)
     house.driver.set(house.button._impl.uuid, True)
-    house.driver.say(CLICK)
-    until(lambda: house.pressed and house.clicked)
+    until(lambda: house.pressed)
     house.driver.settle()
     assert (house.number.value, house.choice.value, house.text.value, house.box.value) == (7.0, "b.rrd", "hello", True)
 
@@ -85,15 +67,6 @@ def test_a_watcher_changes_no_shared_control_and_is_told_who_drives(house: House
     assert house.server.gate.counts[Verdict.WITHOUT_RIGHT] == 5
     told = [house.watcher.drive.recv(timeout=PATIENCE_S) for _ in range(4)]
     assert any('"refused"' in str(text) for text in told)
-
-
-def test_a_click_into_the_scene_is_the_driver_s_alone(house: House) -> None:
-    house.watcher.say(CLICK)
-    house.watcher.settle()
-    house.driver.say(CLICK)
-    until(lambda: house.clicked)
-    assert [house.server.number_of(number) for number in house.clicked if number is not None] == [house.driver.number]
-    assert house.server.gate.counts[Verdict.WITHOUT_RIGHT] == 1
 
 
 def test_a_page_that_names_itself_as_another_or_as_nobody_has_no_right(house: House) -> None:

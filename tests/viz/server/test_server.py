@@ -21,7 +21,7 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from ltvn_core.errors import ServerError
-from ltvn_viz.server.drive_socket import DriveListener
+from ltvn_viz.server.drive_socket import DriveListener, Newest
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.index_page import mended
 from ltvn_viz.server.requests import REFUSED_CODE, Proof
@@ -265,7 +265,7 @@ def test_a_page_that_comes_while_the_app_is_loading_is_told_at_what_it_is() -> N
 def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(server: GuardedServer) -> None:
     with open_socket(server, "/drive") as early:
         early.recv(timeout=PATIENCE_S)
-        server.show_picture(b"a jpeg")
+        server.tell(Newest.PICTURE, b"a jpeg")
         assert next(said for said in iter(lambda: early.recv(timeout=PATIENCE_S), None) if isinstance(said, bytes))
     with open_socket(server, "/drive") as late:
         said = [late.recv(timeout=PATIENCE_S) for _ in range(2)]

@@ -322,6 +322,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         server.seat,
         screen.publish,
         absence=lambda: server.presence.absence,
+        is_seen=lambda: server.presence.is_somebody_there,
     )
     parts = build_layout(
         server.viser,

@@ -7,6 +7,7 @@ rendered lazily, because they take most of the rendering time and most images ar
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -140,6 +141,8 @@ class SimulatedRobot:
         self._step = first_step
         self._ticks_in_step = 0
         self._observation: Observation | None = None
+        self._measured: tuple[object, tuple[Callable[[], Rgb], Depth]] | None = None
+        """What the camera last saw, and from where in which world."""
         self._follower = None if world is None else WorldFollower(world, self._body, renderer)
         if world is not None:
             world.enter(self, spec.radius_m)
@@ -281,12 +284,20 @@ class SimulatedRobot:
             self._ticks_in_step = 0
 
     def _measure(self) -> tuple[Callable[[], Rgb], Depth]:
-        """Return the depth of the robot's own camera, and a function that renders the colours."""
+        """Return the depth of the robot's own camera, and a function that renders the colours.
+
+        A robot that stands in a world that does not change sees what it saw before.
+        """
         self._show_world()
-        if isinstance(self._renderer, DepthFirstRenderer):
-            return self._renderer.measure(self.exact_pose, self._spec.camera)
-        rgb, depth = self._renderer.render(self.exact_pose, self._spec.camera)
-        return lambda: rgb, depth
+        seen_from = self.exact_pose.tolist(), None if self.world is None else self.world.state
+        if self._measured is None or self._measured[0] != seen_from:
+            if isinstance(self._renderer, DepthFirstRenderer):
+                draw, depth = self._renderer.measure(self.exact_pose, self._spec.camera)
+                self._measured = seen_from, (cache(draw), depth)
+            else:
+                rgb, depth = self._renderer.render(self.exact_pose, self._spec.camera)
+                self._measured = seen_from, (lambda: rgb, depth)
+        return self._measured[1]
 
     def _show_world(self) -> None:
         """Update the renderer to the current world."""

@@ -139,7 +139,7 @@ class Inspector:
         self._in_background = BackgroundCache(worker, self.mark_stale)
         self._contexts = DebugContextBuilder(self._in_background)
         self.names = (QuestionName.NONE, *self._questions)
-        self.shown = Inspection(offered=(QuestionName.NONE,))
+        self.shown = Inspection(abouts={question.name: question.about for question in questions})
         self._key: object = None
         self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()

@@ -30,8 +30,8 @@ from ltvn_viz.server.drive_socket import Newest
 from ltvn_viz.session.inspection import Overlay, QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 
-ROBOT_EVERY_S, MAP_EVERY_S, PATH_EVERY_S = 1 / 20, 0.3, 1.0
-"""Least intervals between two messages about the robot, the map and the driven path, in seconds."""
+ROBOT_EVERY_S, VIEW_EVERY_S, MAP_EVERY_S, PATH_EVERY_S = 1 / 20, 0.1, 0.3, 1.0
+"""Least intervals between two messages about the robot, the view, the map and the driven path, in seconds."""
 _MOST_LABELS = 24
 _QUALITY = 85
 
@@ -60,7 +60,7 @@ class PlanView:
         self._told: dict[Newest, Any] = {}
         self._due: dict[Newest, float] = {}
         self._map = 0
-        self._map_due = float("-inf")
+        self._map_due = self._view_due = float("-inf")
         self._scene: tuple[str, WorldState] = ("", AS_MADE)
         self._picture: FloorPicture | None = None
         self._pictures: list[bytes] = []
@@ -81,7 +81,9 @@ class PlanView:
         if self._clock() >= self._map_due:
             self._map_due = self._clock() + MAP_EVERY_S
             self._map = self.changes.take(snapshot.moment.graph)
-        self._say(Newest.VIEW, self._view(snapshot))
+        if self._clock() >= self._view_due:
+            self._view_due = self._clock() + VIEW_EVERY_S
+            self._say(Newest.VIEW, self._view(snapshot))
         self._say_path(Newest.PATH, "path", snapshot.moment.trajectory, PATH_EVERY_S)
         self._say_path(Newest.COURSE, "course", snapshot.course, 0.0)
         self._load_scene(snapshot)

@@ -7,7 +7,7 @@ from html import escape
 import viser
 
 from ltvn_viz.panels.html_widgets import HtmlBlock, note
-from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes.wish_table import Action, Value
 
@@ -22,9 +22,7 @@ class DebuggerPanel:
         self, gui: viser.GuiApi, ask: Callable[[Action, Value], None], clock: Callable[[], float] = time.time
     ) -> None:
         """Add the controls to the open tab; `ask` takes actions and returns at once."""
-        HtmlBlock(
-            gui, note("Ask about the map and the run. While a question is chosen, a click on a node asks about it.")
-        )
+        HtmlBlock(gui, note("Ask about the map and the run: choose a question, then click a node or an edge."))
         self._tools = gui.add_dropdown("Question", [QuestionName.NONE.value])
         self._about = HtmlBlock(gui)
         self._view = HtmlBlock(gui)
@@ -43,8 +41,8 @@ class DebuggerPanel:
             self._tools.options = [str(question) for question in inspection.offered]
         if self._tools.value != inspection.question and not self._is_choice_pending():
             self._tools.value = self._shown = str(inspection.question)
-        self._about.show(_about(inspection.about))
-        self._view.show(inspection.html)
+        self._about.show(_about(inspection))
+        self._view.show(inspection.html if inspection.question != QuestionName.NONE else _questions(inspection))
         input_hint = inspection.answer.input_hint
         self._field.visible = self._tell.visible = bool(input_hint)
         if input_hint:
@@ -68,6 +66,24 @@ class DebuggerPanel:
             ask(Action.TELL, self._field.value)
 
 
-def _about(text: str) -> str:
+def _about(inspection: Inspection) -> str:
     words = '<button type="button" class="lt-words" data-ltvn-toggle="glossary">What do the words mean?</button>'
-    return f'<div class="lt lt-note">{escape(text)} {words}</div>'
+    back = "" if inspection.question == QuestionName.NONE else _choice(QuestionName.NONE, "lt-words", "All questions")
+    return f'<div class="lt lt-note">{escape(inspection.about)} {words} {back}</div>'
+
+
+def _questions(inspection: Inspection) -> str:
+    """Return the list of questions, each with one line about its answer."""
+    rows = (
+        _choice(name, "lt-question", f"<b>{escape(name)}</b> {escape(inspection.abouts.get(name, ''))}")
+        for name in inspection.offered
+        if name != QuestionName.NONE
+    )
+    return f'<div class="lt">{"".join(rows)}</div>'
+
+
+def _choice(name: str, style: str, markup: str) -> str:
+    return (
+        f'<button type="button" class="{style}" data-ltvn-action="{Action.QUESTION}" data-text="{escape(name)}">'
+        f"{markup}</button>"
+    )

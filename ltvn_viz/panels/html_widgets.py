@@ -95,6 +95,10 @@ STYLE = f"""<style>
 .lt-legend .lt-ramp i {{ flex: 1; height: .65em; }}
 .lt-legend [data-shown="0"] {{ opacity: .6; }}
 .lt-legend [data-shown="0"] i {{ opacity: .4; }}
+.lt-question {{ display: block; width: 100%; margin: .25em 0; padding: .45em .6em; border: 0; border-radius: .35em;
+  background: var(--ltvn-tint); color: var(--ltvn-soft); font: inherit; text-align: left; cursor: pointer; }}
+.lt-question:hover {{ background: var(--ltvn-tint-more); }}
+.lt-question b {{ display: block; color: var(--ltvn-strong); font-weight: 600; }}
 .lt-why > div {{ margin: .25em 0; color: var(--ltvn-text); }}
 .lt-dot {{ padding: 0 .25em; border-radius: .35em; }}
 .lt-dot i {{ font-style: normal; }}

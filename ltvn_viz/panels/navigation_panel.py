@@ -43,7 +43,7 @@ class NavigationPanel:
         `file_address` adds the key for loading a picture to the address of a file.
         """
         self._file_address = file_address
-        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there with its camera."))
+        HtmlBlock(gui, note("Click an image, or a node of the map, and the robot drives there with its camera."))
         self.task = HtmlBlock(gui)
         self.state = HtmlBlock(gui)
         self.way = HtmlBlock(gui)

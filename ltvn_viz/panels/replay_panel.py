@@ -91,8 +91,9 @@ def _about(snapshot: Snapshot, chosen: str) -> str:
     )
 
 
-TELL_EVERY_S = 0.1
-"""Interval of updates while only the time changes, in seconds; other changes are sent at once."""
+TELL_EVERY_S, TELL_LIVE_EVERY_S = 0.1, 0.5
+"""Intervals of updates while only the time changes, in seconds, of a played and of the live run; other changes are sent
+at once."""
 
 
 class TimelinePanel:
@@ -113,7 +114,7 @@ class TimelinePanel:
         if now == told or (now == went_on and self._clock() < self._due):
             return
         self._told = now
-        self._due = self._clock() + TELL_EVERY_S
+        self._due = self._clock() + (TELL_LIVE_EVERY_S if now.is_now else TELL_EVERY_S)
         self._tell(_moment_message(now))
 
 

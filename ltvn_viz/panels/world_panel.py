@@ -47,7 +47,7 @@ class WorldPanel:
 def _about(world: WorldView) -> str:
     if not world.doors:
         return "Change the world while the robot drives. This scene has no doors that can be closed."
-    return "Change the world while the robot drives. Click a bar above a doorway in the scene, or a door here."
+    return "Change the world while the robot drives. Click a door on the map, or here."
 
 
 def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:

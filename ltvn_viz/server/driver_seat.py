@@ -317,7 +317,7 @@ class Presence:
         """Record that a page's socket was closed."""
         was_there = self.absence is None
         self._heard.pop(client, None)
-        if was_there and not self._is_somebody_there():
+        if was_there and not self.is_somebody_there:
             self.absence = Absence(Loss.CLOSED, self._today())
 
     def tick(self) -> bool:
@@ -326,10 +326,12 @@ class Presence:
         # A late call means that this thread stalled and received no signs of life, so that time does not count.
         self._counted_s += min(now - self._ticked, 2 * TICK_S)
         self._ticked = now
-        if self.absence is not None or not self._heard or self._is_somebody_there():
+        if self.absence is not None or not self._heard or self.is_somebody_there:
             return False
         self.absence = Absence(Loss.SILENT, self._today())
         return True
 
-    def _is_somebody_there(self) -> bool:
-        return any(self._counted_s - heard <= self._lease_s for heard in self._heard.values())
+    @property
+    def is_somebody_there(self) -> bool:
+        """Whether a page is open. May be read in any thread."""
+        return any(self._counted_s - heard <= self._lease_s for heard in list(self._heard.values()))

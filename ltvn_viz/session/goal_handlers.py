@@ -56,7 +56,7 @@ def navigate(state: AppState, node: NodeId | None) -> None:
         raise OptionError(state.open_loop)
     goal = state.goals.selected if node is None else node
     if goal is None:
-        raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
+        raise OptionError("Choose a goal first: click a node of the map or an image under “Go”.")
     if goal not in state.live_map.graph.nodes:
         count = len(state.live_map.graph.nodes)
         raise OptionError(f"Node {goal} is not in the map, which has {count:,} nodes; the robot stays. Choose another.")

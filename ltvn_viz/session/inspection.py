@@ -4,6 +4,7 @@ Owns no answer; the questions are in `ltvn_viz.debugger`, and the page draws wha
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Self, cast
@@ -154,6 +155,8 @@ class Inspection:
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
     offered: tuple[str, ...] = (QuestionName.NONE,)
+    abouts: Mapping[str, str] = field(default_factory=dict)
+    """One line about each question, by its name."""
     markup: str = ""
     """The answer as HTML, its links numbered from 0."""
 

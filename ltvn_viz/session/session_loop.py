@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 256
 """Largest number of waiting commands; more arrive only if the app is flooded, and are refused."""
+UNSEEN_S = 1.0
+"""Interval between two snapshots while no page is open, in seconds."""
 STALL_S = 0.5
 """After a stall longer than this, the robot's time continues from where it stood instead of catching up."""
 
@@ -61,10 +63,12 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
         *,
         absence: Callable[[], Absence | None] = lambda: None,
+        is_seen: Callable[[], bool] = lambda: True,
     ) -> None:
         """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block.
 
-        `absence` returns the current time without any open page, or None while one is open.
+        `absence` returns the current time without any open page, or None while one is open and before the first one;
+        `is_seen` tells whether one is open.
         """
         self._state = state
         self._driver = driver
@@ -73,10 +77,12 @@ class Session:
         self._snapshot_builder = SnapshotBuilder(clock)
         self._commands: deque[c.Command] = deque()
         self._absence = absence
+        self._is_seen = is_seen
         self._flood_log = LimitedLog(logger)
         # A signal handler may stop the session while this thread waits: an Event could then wait for its own lock.
         self._wakes = SimpleQueue[None]()
         self._is_stopping = False
+        self._unseen_until = float("-inf")
 
     @property
     def mode(self) -> Mode:
@@ -206,6 +212,9 @@ class Session:
         failure = self._state.live.recorder.take_failure()
         if failure is not None:
             self._state.say(failure, Severity.ERROR, is_trouble=True)
+        if not self._is_seen() and self._clock() < self._unseen_until:
+            return  # Nobody looks.
+        self._unseen_until = self._clock() + UNSEEN_S
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:

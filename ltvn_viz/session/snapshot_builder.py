@@ -185,11 +185,11 @@ def hint(snapshot: Snapshot) -> str:
         return aligning_hint(snapshot.floor_plan)
     if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
         return (
-            "The scene shows the past, the camera shows the present. “Live” below the scene returns to now, and so "
+            "The map shows the past, the camera shows the present. “Live” below the map returns to now, and so "
             "does driving."
         )
     if snapshot.story_goes_on and snapshot.mode in (Mode.TELEOP, Mode.NAVIGATING):
-        return "Watch the story; the text below the scene explains it. W A S D or Space ends it."
+        return "Watch the story; the text below the map explains it. W A S D or Space ends it."
     match snapshot.mode:
         case Mode.BUILDING:
             return "The map is being built from all images so far. You can cancel; the old map stays until then."
@@ -223,7 +223,7 @@ def _driving(snapshot: Snapshot) -> str:
         return "The map is growing. Drive on through the doors; places seen from both sides connect best."
     ended = moment.progress.ended
     if ended is None:
-        return "Pick a goal: click a node in the scene or an image under “Go”. Or hold W A S D and drive yourself."
+        return "Pick a goal: click a node of the map or an image under “Go”. Or hold W A S D and drive yourself."
     if ended.query == snapshot.story_query:
         return "The story is over. Pick a goal by an image under “Go”, or ask under “Why” what the map learned."
     if ended.outcome is Outcome.ARRIVED:

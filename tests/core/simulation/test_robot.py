@@ -206,6 +206,18 @@ def test_looking_twice_in_a_step_gives_the_same_image(launch: Launch) -> None:
     assert camera.renders == 1
     robot.advance(CONTROL_STEP_S / 2)
     assert robot.observe().step == first.step + 1
+
+
+def test_a_robot_that_stands_still_renders_nothing_anew_and_one_that_moved_does(launch: Launch) -> None:
+    camera = GreyCamera()
+    robot = launch(camera=camera)
+    for _ in range(3):
+        robot.observe()
+        robot.advance(CONTROL_STEP_S)
+    assert camera.renders == 1
+    robot.drive(Twist(0.3, 0.0))
+    robot.advance(CONTROL_STEP_S)
+    robot.observe()
     assert camera.renders == 2
 
 

@@ -30,7 +30,7 @@ from ltvn_viz.server.drive_socket import Newest
 from ltvn_viz.session.inspection import Overlay, QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 
-ROBOT_EVERY_S, VIEW_EVERY_S, MAP_EVERY_S, PATH_EVERY_S = 1 / 20, 0.1, 0.3, 1.0
+ROBOT_EVERY_S, VIEW_EVERY_S, MAP_EVERY_S, PATH_EVERY_S = 1 / 40, 0.1, 0.3, 1.0
 """Least intervals between two messages about the robot, the view, the map and the driven path, in seconds."""
 _MOST_LABELS = 24
 _QUALITY = 85

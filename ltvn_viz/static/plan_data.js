@@ -53,6 +53,7 @@ function takeMap({ version, whole, nodes, goneNodes, edges, goneEdges }) {
   for (const [id, x, y, yaw, isExit] of nodes) plan.nodes.set(id, { id, x: x / 1000, y: y / 1000, yaw: yaw / 1000, isExit });
   for (const [source, target, p, acts] of edges) plan.edges.set(source * EDGE_KEY + target, { source, target, p: p / 1000, acts });
   plan.version = version;
+  byId("ltvn-plan").dataset.nodes = plan.nodes.size;
   sheets.map.redraw();
   sheets.top.redraw();
   fitUntilMoved();

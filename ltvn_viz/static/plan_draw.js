@@ -8,8 +8,9 @@ const EDGES_A_SLICE = 400;
 const RIMMED = 6000; // Edges beyond which a dark rim costs more than it shows.
 const SHADES = 16;
 const LANE_PX = 1.5; // An edge lies so far to its right, so that the two directions are two lines.
-const NODE_PX = 3.2;
-const TICK_PX = 8;
+const NODE_PX = 3.2; // At most; from far away a dot is smaller, down to half of it.
+const NODE_M = 0.06;
+const TICK_PER_DOT = 2.5; // How long the line is that shows the heading of a node.
 const WEDGE_M = 1.2;
 const ROBOT_PX = 260; // Side of the robot's own small canvas.
 const FADE_S = 3; // As in `run_moment.py`.
@@ -251,9 +252,13 @@ function* drawNodes(context) {
   }
 }
 
-function drawDots(context, nodes, colour, grown = 0, radius = NODE_PX) {
+function dotPx() {
+  return Math.min(Math.max(NODE_M * eye.scale, NODE_PX / 2), NODE_PX);
+}
+
+function drawDots(context, nodes, colour, grown = 0, radius = dotPx()) {
   context.fillStyle = context.strokeStyle = colour;
-  context.lineWidth = 1.4 + 2 * grown;
+  context.lineWidth = Math.min(radius / 2, 1.4) + 2 * grown;
   context.lineCap = "round";
   context.beginPath();
   for (const node of nodes) {
@@ -273,7 +278,7 @@ function drawDots(context, nodes, colour, grown = 0, radius = NODE_PX) {
 // Where the short line ends that shows the heading of a node. Several nodes at one place differ in it alone.
 function tipOf({ id, x, y, yaw }, pointOf = planPoint) {
   const [px, py] = pointOf(x, y);
-  const length = fan.has(id) ? FAN_PX : TICK_PX;
+  const length = fan.has(id) ? FAN_PX : TICK_PER_DOT * dotPx();
   return [px + length * Math.cos(yaw), py - length * Math.sin(yaw)];
 }
 

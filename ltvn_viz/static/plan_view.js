@@ -397,6 +397,7 @@ const TOOLS = {
     showTools();
     moveRobot();
   },
+  "ltvn-colours": () => document.documentElement.toggleAttribute("data-ltvn-colours"),
   "ltvn-3d": () => {
     store(STORED_VIEW, shows3d() ? "plan" : "3d");
     show3d(!shows3d());

@@ -1,6 +1,7 @@
 """Faults are planted where the truth says that they are faults, and the shipped recording tells of each."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, 
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.evaluation.ground_truth_map import PLACES, map_with_edges, observation_of, truth
-from tests.repository import DEMO_FAULT
-from tools.plant_faults import FaultKind, missing_edge, perceptual_alias, spurious_edge
+from tests.repository import DEMO_FAULT, DEMO_MAP
+from tools.plant_faults import FaultKind, missing_edge, perceptual_alias, plant_faults, spurious_edge
 
 ROUND = ((5, 1), (1, 5), (1, 2), (2, 1), (2, 3), (3, 2), (3, 6), (6, 3))
 """From one side of the wall through the opening to the other."""
@@ -109,3 +110,12 @@ def test_each_shipped_query_meets_its_fault_and_fails(shipped: Recording) -> Non
                 assert set(plans) == {()}
             case unknown:
                 pytest.fail(f"no such fault: {unknown}")
+
+
+@pytest.mark.slow
+def test_planting_writes_a_recording_in_which_the_robot_meets_the_fault_and_fails(tmp_path: Path) -> None:
+    planted = plant_faults(DEMO_MAP, tmp_path / "faults.rrd", (FaultKind.SPURIOUS_EDGE,))
+
+    assert planted.outcome.reached == 0
+    (said,) = Recording.open(tmp_path / "faults.rrd").meta.config["faults"]
+    assert {tuple(edge) for edge in said["edges"]} == {*planted.faults[0].edges}

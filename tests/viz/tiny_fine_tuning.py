@@ -30,6 +30,9 @@ PLAN = FineTuningPlan(
 )
 
 
+IMAGES = 45
+
+
 @lru_cache
 def drive() -> tuple[Observation, ...]:
     """Return images of a drive, with frame numbers that no robot of a test comes to."""
@@ -65,9 +68,9 @@ def tiny_weights(folder: Path) -> Path:
 
 
 def show_drive(harness: SessionHarness) -> None:
-    """Let the map have the images of the drive at hand."""
+    """Let the map have the first images of the drive at hand; of all of them a map takes long to build."""
     live_map = harness.state.live_map
-    live_map.load(TopologicalMap.of(live_map.predictor, live_map.system, observations=drive()))
+    live_map.load(TopologicalMap.of(live_map.predictor, live_map.system, observations=drive()[:IMAGES]))
 
 
 def record_drive(path: Path, images: int | None = None) -> Path:

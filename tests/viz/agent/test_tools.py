@@ -1,9 +1,13 @@
-"""A program reads recordings through `ltvn mcp`: files by name, answers with what to ask next, and pictures."""
+"""A program reads recordings through `ltvn mcp`: files by name, answers with what to ask next, and pictures.
+
+A script without any model finds the faults that were planted in a map, in a few calls.
+"""
 
 import base64
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,9 +16,10 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_viz.agent.tools import LARGEST_IMAGE
 from tests.platforms import needs_posix
-from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS, ROOT
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, ROOT
 from tests.viz.agent.agent_client import AgentClient, agent_client
 from tests.waiting import PATIENCE_S
 
@@ -63,17 +68,11 @@ def test_an_answer_says_what_to_ask_next_and_following_it_answers(agent: AgentCl
     assert "2621 → 1489" in agent.ask("ask", file=FAULT, **follow)["text"]
 
 
-def test_a_slow_answer_is_waited_for(agent: AgentClient) -> None:
+def test_a_slow_answer_is_waited_for_and_nothing_is_remembered_from_one_call_to_the_next(agent: AgentClient) -> None:
     answer = agent.ask("ask", file=FAULT, question="what-if", text="without 1489->2621", at_s=1.0)
-
-    assert "instead of 2 nodes" in answer["text"]
-
-
-def test_nothing_is_remembered_from_one_call_to_the_next(agent: AgentClient) -> None:
-    agent.ask("ask", file=FAULT, question="what-if", text="without 1489->2621", at_s=1.0)
-
     afterwards = agent.ask("ask", file=FAULT, question="what-if", text="goal 3", at_s=1.0)
 
+    assert "instead of 2 nodes" in answer["text"]
     assert "without 1489" not in afterwards["text"]
 
 
@@ -113,49 +112,74 @@ def test_a_refusal_says_what_would_be_valid(agent: AgentClient, tool: str, argum
     assert said in agent.refusal(tool, **arguments)
 
 
-def test_a_damaged_file_is_refused_and_the_others_are_still_read(tmp_path: Path) -> None:
-    cut = tmp_path / "cut.rrd"
-    cut.write_bytes(DEMO_FAULT.read_bytes()[:100_000])
-
-    with agent_client(tmp_path, DEMO_MAP) as agent:
-        assert "cut.rrd" in agent.refusal("describe", file="cut.rrd")
-        assert agent.ask("describe", file=DEMO_MAP.name)["map_at_end"]["nodes"] == 327
-
-
-def test_a_folder_stands_for_the_recordings_in_it() -> None:
-    with agent_client(RECORDINGS) as agent:
-        assert FAULT in {row["file"] for row in agent.ask("list_files")["files"]}
-
-
 @needs_posix
-def test_names_and_arguments_that_are_not_utf_8_are_answered(tmp_path: Path) -> None:
-    os.link(DEMO_FAULT, os.fsencode(tmp_path) + b"/caf\xe9.rrd")
-    os.link(DEMO_FAULT, tmp_path / FAULT)
-
-    with agent_client(tmp_path) as agent:
-        names = {row["file"] for row in agent.ask("list_files")["files"]}
-        assert names == {r"caf\xe9.rrd", FAULT}
-        assert "UTF-8" in agent.refusal("describe", file=r"caf\xe9.rrd")
-        assert agent.ask("describe", file=FAULT)["file"] == FAULT
-
-
-def test_half_a_surrogate_pair_and_a_line_that_is_no_message_are_answered() -> None:
-    program = [sys.executable, "-m", "ltvn_core.cli", "mcp", str(DEMO_FAULT)]
+def test_whatever_a_folder_holds_and_a_program_sends_is_answered(tmp_path: Path) -> None:
+    os.link(DEMO_MAP, os.fsencode(tmp_path) + b"/caf\xe9.rrd")
+    os.link(DEMO_MAP, tmp_path / DEMO_MAP.name)
+    (tmp_path / "cut.rrd").write_bytes(DEMO_FAULT.read_bytes()[:100_000])
     hello = {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "a", "version": "1"}}
-    asked = {"name": "describe", "arguments": {"file": "\ud800"}}
-    lines = [
+    lines: list[dict] = [
         {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": hello},
         {"jsonrpc": "2.0", "method": "notifications/initialized"},
-        {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": asked},
     ]
+    for number, file in enumerate((r"caf\xe9.rrd", "cut.rrd", "\ud800", DEMO_MAP.name), 2):  # One is half a character.
+        asked = {"name": "describe", "arguments": {"file": file}}
+        lines.append({"jsonrpc": "2.0", "id": number, "method": "tools/call", "params": asked})
+    program = [sys.executable, "-m", "ltvn_core.cli", "mcp", str(tmp_path)]
+
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, text=True) as agent:
         assert agent.stdin is not None
         assert agent.stdout is not None
         agent.stdin.write("".join(json.dumps(line) + "\n" for line in lines) + "{no message\n")
         agent.stdin.flush()
-        answers = {answer["id"]: answer for answer in (json.loads(agent.stdout.readline()) for _ in range(3))}
+        answers = {answer["id"]: answer for answer in (json.loads(agent.stdout.readline()) for _ in range(6))}
         agent.stdin.close()
         assert agent.wait(PATIENCE_S) == 0
-    assert answers[2]["result"]["isError"]
-    assert FAULT in answers[2]["result"]["content"][0]["text"]
-    assert "error" in answers[None]
+
+    assert "error" in answers.pop(None)
+    told = [
+        (answers[number]["result"]["isError"], answers[number]["result"]["content"][0]["text"])
+        for number in range(2, 6)
+    ]
+    assert [refused for refused, _ in told] == [True, True, True, False]
+    assert "UTF-8" in told[0][1]
+    assert all(name in told[2][1] for name in ("cut.rrd", DEMO_MAP.name, "xe9.rrd"))
+    assert json.loads(told[3][1])["map_at_end"]["nodes"] == 327
+
+
+PLANTED = Recording.open(DEMO_FAULT).meta.config["faults"]
+MOST_CALLS = 12
+
+
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: f"{planted['query']} {planted['kind']}")
+def test_what_a_failed_query_tells_leads_to_its_fault_in_a_few_calls(agent: AgentClient, planted: dict) -> None:
+    before = agent.calls
+
+    kind, edges = find_fault(agent, planted["query"])
+
+    assert kind == planted["kind"]
+    assert any(edge in planted["edges"] for edge in edges)
+    assert agent.calls - before <= MOST_CALLS
+
+
+def find_fault(agent: AgentClient, number: int) -> tuple[str, list[list[int]]]:
+    """Return the kind of the fault that made a query fail, and the edges that it may be, found without its truth.
+
+    The answer about the query names the edge that it failed at, the edges that odometry contradicts, and where the map
+    has a gap before the goal. An edge that closes the gap must lead to a plan.
+    """
+    query = agent.ask("describe", file=FAULT)["queries"][number]
+    told = agent.ask("ask", file=FAULT, query=number)["text"]
+    if query["outcome"] != "no path":
+        driven = edges_in(told, r"It drove edge (\d+) → (\d+)")
+        return "look-alike" if driven[0] in edges_in(told, r"^(\d+) → (\d+) ") else "spurious-edge", driven
+    closing = []
+    for edge in edges_in(told.partition("nearest across the gap")[2], r"^(\d+) → (\d+) "):
+        asked = {"question": "what-if", "at_s": query["end_s"], "text": f"with {edge[0]}->{edge[1]}"}
+        if "instead of no way" in agent.ask("ask", file=FAULT, **asked)["text"]:
+            closing.append(edge)
+    return "missing-edge", closing
+
+
+def edges_in(text: str, pattern: str) -> list[list[int]]:
+    return [[*map(int, found)] for found in re.findall(pattern, text, re.MULTILINE)]

@@ -9,35 +9,27 @@ from ltvn_core.analysis.answer_text import line_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.debugger.compared_map import BEFORE_FIRST_QUERY
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
-from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from tests.repository import RECORDINGS
+from tests.viz.app_session import AppSession
 from tests.viz.debugger.answer_links import links, words
-from tests.viz.session_harness import FakeDriver
 
-MOMENTS = 20
+MOMENTS = 6
 _MOST_TICKS = 60
 
 
-class ReplayedFile:
+class ReplayedFile(AppSession):
     """A tracked recording, open in a session; what was computed at one moment is there at the next, as in the page."""
 
     def __init__(self, stack: ExitStack, name: str) -> None:
         """Open it until the stack closes."""
-        options = AppOptions(recordings=RECORDINGS, replay=name)
+        super().__init__(stack, AppOptions(recordings=RECORDINGS, replay=name))
         self.name = name
-        self.state = open_app_state(options, stack, ThumbnailStore())
-        self.shown: list[Snapshot] = []
-        self.session = Session(self.state, FakeDriver(), self.shown.append)
-        stack.callback(self.session.close)
-        self.do(c.OpenRecording(name))
-        self.do()
+        self.do(c.OpenRecording(name), ticks=3)
+        self.do(ticks=3)
 
     @property
     def timeline(self) -> Timeline:
@@ -45,50 +37,41 @@ class ReplayedFile:
         return self.state.shown_run
 
     @property
-    def now(self) -> Instant:
+    def instant(self) -> Instant:
         """The moment on show."""
-        return self.timeline.instant_at(self.shown[-1].moment.stamp)
+        return self.timeline.instant_at(self.now.moment.stamp)
 
     @property
     def now_s(self) -> float:
         """Its seconds after the beginning."""
-        return self.shown[-1].moment.stamp - self.timeline.start_s
+        return self.now.moment.stamp - self.timeline.start_s
 
     @property
     def known(self) -> int:
         """How many events there were up to now."""
-        return self.timeline.count_until(self.now)
+        return self.timeline.count_until(self.instant)
 
     @property
     def graph(self) -> TopologicalGraph:
         """The map of the moment, from the events."""
-        return self.timeline.graph_at(self.now)
+        return self.timeline.graph_at(self.instant)
 
     def moments(self, count: int = MOMENTS) -> list[float]:
         """Return evenly spread moments, seconds, the very first and last among them; one where nothing takes time."""
         length_s = self.timeline.end_s - self.timeline.start_s
         return np.unique(np.linspace(0.0, length_s, count)).tolist()
 
-    def do(self, *commands: c.Command, ticks: int = 3) -> Snapshot:
-        """Wish for things, and let the session see to them."""
-        for command in commands:
-            self.session.send(command)
-        for _ in range(ticks):
-            self.session.tick()
-            self.state.worker.settle()
-        return self.shown[-1]
-
     def offers(self, question: QuestionName) -> bool:
         """Tell whether a question can be asked now."""
-        return question in self.shown[-1].inspection.offered
+        return question in self.now.inspection.offered
 
     def answer(self, question: QuestionName) -> Answer:
         """Ask, and wait for what is slow."""
-        shown = self.do(c.ChooseQuestion(question))
+        shown = self.do(c.ChooseQuestion(question), ticks=3)
         for _ in range(_MOST_TICKS):
             if not shown.inspection.answer.answer.is_pending:
                 break
-            shown = self.do(ticks=1)
+            shown = self.do(ticks=2)
         return shown.inspection.answer.answer
 
     def tables(self, question: QuestionName) -> list[tuple[tuple[str, ...], list[list[str]]]]:
@@ -103,7 +86,7 @@ class ReplayedFile:
     def text(self, question: QuestionName) -> str:
         """Return an answer as text."""
         self.answer(question)
-        return words(self.shown[-1])
+        return words(self.now)
 
     def rows_about(self, question: QuestionName, edge: EdgeKey) -> list[list[str]]:
         """Return the rows of an answer that begin with the edge."""
@@ -111,10 +94,10 @@ class ReplayedFile:
 
     def compare_with_the_beginning(self) -> None:
         """Choose the map before the first query to compare with, where it is offered."""
-        offered = self.do(c.ChooseQuestion(QuestionName.COMPARE))
+        offered = self.do(c.ChooseQuestion(QuestionName.COMPARE), ticks=3)
         found = [number for number, label in links(offered) if label == BEFORE_FIRST_QUERY]
         if found:
-            self.do(c.FollowLink(found[0]))
+            self.do(c.FollowLink(found[0]), ticks=3)
 
 
 def edge_name(edge: EdgeKey) -> str:

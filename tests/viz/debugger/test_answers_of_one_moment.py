@@ -1,7 +1,6 @@
 """Whatever is asked about a moment, all answers are about that moment, and name the same numbers."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 from ltvn_core.analysis.answer import Answer, CalibrationChart, Paragraph, PresenceChart, StepChart, Table
 from ltvn_core.analysis.answer_text import answer_text, line_text
 from ltvn_core.analysis.edge_history import edge_history
-from ltvn_core.analysis.timeline_records import PlanRecord
 from ltvn_core.graph.deltas import GraphDelta, PresenceObserved
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import (
@@ -20,7 +18,6 @@ from ltvn_core.navigation.events import (
     Collided,
     Event,
     GraphChanged,
-    Localised,
     QueryEnded,
     QueryStarted,
 )
@@ -29,7 +26,7 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP
 from tests.viz.debugger.answer_links import answer_of, words
-from tests.viz.debugger.replayed_file import ReplayedFile, edge_name
+from tests.viz.debugger.replayed_file import ReplayedFile
 from tests.viz.debugger.seen_edges import HOUR, open_harness, see
 
 PRUNED, TRUSTED = (1489, 2621), (3081, 2226)
@@ -60,10 +57,10 @@ def stated_beliefs(replay: ReplayedFile, edge: EdgeKey) -> dict[str, tuple[str, 
     for verdict in ("still the first one: p = ", "counted, .* p went from .* to "):
         if found := re.search(rf"{verdict}(\d\.\d\d), length \(mu\) (?:= |from \d+\.\d\d to )(\d+\.\d\d)", told):
             stated["reasons"] = found[1], found[2]
-    replay.do(c.PointAt(edge[0]))
+    replay.do(c.PointAt(edge[0]), ticks=3)
     for row in replay.rows_about(QuestionName.EDGE, edge):
         stated["edges of the node"] = row[1], row[2]
-    replay.do(c.PointAt(*edge))
+    replay.do(c.PointAt(*edge), ticks=3)
     return stated
 
 
@@ -79,7 +76,7 @@ def stated_ps(replay: ReplayedFile, edge: EdgeKey) -> dict[str, str]:
     for question in (QuestionName.COMPARE, QuestionName.TRUTH):
         if replay.offers(question):
             stated.update((question, row[1].split()[0]) for row in replay.rows_about(question, edge))
-    graph = replay.shown[-1].moment.graph
+    graph = replay.now.moment.graph
     drawn = {(int(graph.ids[a]), int(graph.ids[b])): p for (a, b), p in zip(graph.edges, graph.p, strict=True)}
     if edge in drawn:
         stated["scene"] = f"{drawn[edge]:.2f}"
@@ -90,9 +87,9 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
     replay.compare_with_the_beginning()
     asked = set()
     for edge in EDGES[replay.name]:
-        replay.do(c.PointAt(*edge))
+        replay.do(c.PointAt(*edge), ticks=3)
         for seconds in replay.moments():
-            replay.do(c.Seek(seconds))
+            replay.do(c.Seek(seconds), ticks=3)
             truly = replay.graph.edges.get(edge)
             both, ps = stated_beliefs(replay, edge), stated_ps(replay, edge)
             asked |= set(both) | set(ps)
@@ -102,7 +99,7 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
                 assert set(both.values()) == {(f"{belief.p:.2f}", f"{belief.mu:.2f}")}, (edge, seconds, both)
                 assert set(ps.values()) == {f"{belief.p:.2f}"}, (edge, seconds, ps)
                 assert {"edge", "edges of the node", "title of the reasons", "scene"} <= {*both, *ps}
-            elif edge_history(replay.timeline, *edge, replay.now).lifetimes:
+            elif edge_history(replay.timeline, *edge, replay.instant).lifetimes:
                 assert set(both) <= {"edge"}  # It says what was believed last.
                 assert ps.pop(QuestionName.COMPARE, "–") == "–"
                 assert set(ps) <= {"curve"}
@@ -115,65 +112,11 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
     assert replay.name != DEMO_FAULT.name or {QuestionName.COMPARE, QuestionName.TRUTH, "curve"} <= asked
 
 
-def test_what_a_plan_cost_is_the_same_in_every_answer_and_is_made_of_named_parts(replay: ReplayedFile) -> None:
-    plans = [plan for plan in replay.timeline.plans if len(plan.planned.nodes) > 1][:3]
-    for plan in plans:
-        edge = plan.planned.nodes[:2]
-        source, target = edge
-        replay.do(c.Seek(plan.instant.stamp - replay.timeline.start_s), c.PointAt(source, target))
-        replay.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText(f"without {source}->{target}"))
-        told = replay.text(QuestionName.EDGE)
-        length = len(plan.planned.nodes) - 1
-        cost = f"{plan.planned.cost:.2f}"
-
-        assert re.search(rf"planned {length} edges? to {plan.planned.nodes[-1]}, cost {cost}", told), told
-        _check_what_if(replay, plan, told)
-        replay.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText("forget all"))
-    assert bool(plans) == bool(replay.timeline.queries)
-
-
-def _check_what_if(replay: ReplayedFile, plan: PlanRecord, told: str) -> None:
-    """Compare “What if?” without the first edge of a plan with what is told of that edge."""
-    imagined = replay.text(QuestionName.WHAT_IF)
-    assert f"instead of {len(plan.planned.nodes)} nodes at cost {plan.planned.cost:.2f}" in imagined
-    ((head, rows),) = replay.tables(QuestionName.WHAT_IF)
-    (row,) = (row for row in rows if row[:2] == ["old", edge_name((plan.planned.nodes[0], plan.planned.nodes[1]))])
-    priced = dict(zip(head, row, strict=True))
-    parts = sum(float(priced[name]) for name in ("length (mu)", "doubt", "failed"))
-    found = re.search(r"cost (\d+\.\d\d) of that: p = \d\.\d\d, length \(mu\) = (\d+\.\d\d)", told)
-    assert found is not None
-    assert float(found[1]) == pytest.approx(parts, abs=0.02)
-    assert found[2] == priced["length (mu)"]
-
-
-def test_all_answers_about_an_edge_know_the_same_attempts_with_the_same_d_and_r(replay: ReplayedFile) -> None:
-    counts = set()
-    for edge in EDGES[replay.name]:
-        replay.do(c.PointAt(*edge))
-        for seconds in replay.moments():
-            replay.do(c.Seek(seconds))
-            attempts = edge_history(replay.timeline, *edge, replay.now).attempts
-            told = replay.text(QuestionName.EDGE)
-            rows = [row for head, rows in replay.tables(QuestionName.EDGE) if "from" in head for row in rows]
-            named = re.findall(r"Attempt \d+ in query \d+ .*?d = (\d\.\d\d).*?r = (\d\.\d\d)", told)
-
-            assert all(each.ended is None or each.ended.step <= replay.now.step for each in attempts)
-            assert [row[3:] for row in rows] == [
-                [_number(each.distance), _number(each.reachability)] for each in attempts
-            ]
-            assert all([d, r] in [row[3:] for row in rows] for d, r in named)
-            # What was driven before the recording is told of, and not as if nobody had.
-            before = [int(count) for count in re.findall(r"driven (\d+) times? before", told)]
-            assert "It was not driven" not in told or all(f"{count} attempt" in told for count in before)
-            counts.add(len(rows))
-    assert (len(counts) > 1) == bool(replay.timeline.queries)
-
-
 def test_all_answers_count_the_same_at_every_moment(replay: ReplayedFile) -> None:
     replay.compare_with_the_beginning()
     for seconds in replay.moments():
-        replay.do(c.Seek(seconds))
-        progress = replay.shown[-1].moment.progress
+        replay.do(c.Seek(seconds), ticks=3)
+        progress = replay.now.moment.progress
         events = [stamped.event for stamped in replay.timeline.events[: replay.known]]
         collisions = _count(events, Collided)
         marks = {row[0].strip(): row[1] for row in replay.rows(QuestionName.TIME)}
@@ -201,7 +144,7 @@ def _compared(replay: ReplayedFile) -> dict[str, list[str]]:
 
 def _check_map_size(replay: ReplayedFile) -> None:
     graph = replay.graph
-    drawn = replay.shown[-1].moment.graph
+    drawn = replay.now.moment.graph
 
     assert (len(drawn.ids), len(drawn.edges)) == (len(graph.nodes), len(graph.edges))
     if replay.timeline.queries:
@@ -237,71 +180,16 @@ def _check_truth(replay: ReplayedFile, events: list[Event]) -> None:
     assert attempts == sum(isinstance(each, AttemptEnded) and each.source is not None for each in events)
 
 
-def test_where_the_robot_thought_that_it_was_is_the_same_in_every_answer(replay: ReplayedFile) -> None:
-    looks = [stamped for stamped in replay.timeline.events if isinstance(stamped.event, Localised)]
-    agreed = Counter[bool]()
-    for stamped in looks[:: max(1, len(looks) // 5)]:
-        replay.do(c.Seek(stamped.stamp - replay.timeline.start_s))
-        look = replay.shown[-1].moment.progress.localised
-        assert look is not None
-        curve = next(
-            block
-            for block in replay.answer(QuestionName.WHERE).blocks
-            if isinstance(block, StepChart) or (isinstance(block, Paragraph) and "throughout" in line_text(block.parts))
-        )
-        last = f"{curve.points[-1][1]:.2f}" if isinstance(curve, StepChart) else line_text(curve.parts)
-        best = replay.rows(QuestionName.WHERE)[0]
-
-        assert f"{min(1.0, look.margin):.2f}" in last
-        agreed[best[1] == f"node {look.node}"] += 1
-        if best[1] == f"node {look.node}":
-            # The recording's images are compressed, so that the network says nearly the same.
-            assert float(best[2]) == pytest.approx(look.distance, abs=0.05)
-    assert not looks or agreed[True] > agreed[False]  # The robot looks near where it was, the answer at all nodes.
-
-
-def test_plan_and_attempt_begin_where_the_robot_thought_that_it_was(replay: ReplayedFile) -> None:
-    plans = [plan for plan in replay.timeline.plans if len(plan.planned.nodes) > 1]
-    for plan in plans[:: max(1, len(plans) // 6)]:
-        source, target = plan.planned.nodes[:2]
-        replay.do(c.Seek(plan.instant.stamp - replay.timeline.start_s), c.PointAt(source, target))
-        look = replay.shown[-1].moment.progress.localised
-        assert look is not None
-        told = replay.text(QuestionName.EDGE)
-        attempts = [row for head, rows in replay.tables(QuestionName.EDGE) if "from" in head for row in rows]
-
-        assert f"thought it was at node {look.node}" in told
-        assert not attempts or attempts[-1][1] == str(look.node)
-
-
-def test_what_if_begins_with_the_map_and_the_goal_of_the_moment(replay: ReplayedFile) -> None:
-    edge = EDGES[replay.name][0]
-    replay.do(c.PointAt(*edge), c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText("belief weight = 2"))
-    name, goals = "{}->{}".format(*edge), set()
-    for seconds in replay.moments():
-        replay.do(c.Seek(seconds))
-        told = replay.text(QuestionName.WHAT_IF)
-        is_there = edge in replay.graph.edges
-
-        assert (f"What if: without {name}" in told, f"What if: with {name}" in told) == (is_there, not is_there)
-        if (under_way := replay.timeline.query_at(replay.known - 1)) is not None:
-            found = re.search(r"From \d+ to (\d+):", told)
-            assert found is None or int(found[1]) == under_way.goal, (seconds, told)
-            goals |= set() if found is None else {found[1]}
-    replay.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText("forget all"))
-    assert (len(goals) > 1) == bool(replay.timeline.queries)
-
-
 def test_no_answer_states_what_happens_later_but_in_the_line_set_apart_for_it(replay: ReplayedFile) -> None:
     replay.compare_with_the_beginning()
-    for seconds in replay.moments(8):
-        replay.do(c.Seek(seconds))
+    for seconds in replay.moments(4):
+        replay.do(c.Seek(seconds), ticks=3)
         events = [stamped.event for stamped in replay.timeline.events[: replay.known]]
         begun = {each.query for each in events if isinstance(each, QueryStarted)}
         tried = {each.attempt for each in events if isinstance(each, AttemptStarted)}
         for question in (name for name in QuestionName if replay.offers(name) and name is not QuestionName.NONE):
             for edge in EDGES[replay.name]:
-                replay.do(c.PointAt(*edge))
+                replay.do(c.PointAt(*edge), ticks=3)
                 told = _told_of_now(replay.answer(question))
                 text = answer_text(told)
 
@@ -376,7 +264,3 @@ def _delta(event: Event) -> GraphDelta | None:
 
 def _count(events: list[Event], kind: type) -> int:
     return sum(isinstance(each, kind) for each in events)
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"

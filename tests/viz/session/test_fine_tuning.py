@@ -98,15 +98,20 @@ class GatedSimulation(TinyRehearsal):
 
 
 @pytest.mark.slow
-def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder: Path) -> None:
-    harness = fine_tuning_harness(folder)
+def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_built_by_them(folder: Path) -> None:
+    told: list[tuple[float, str]] = []
+
+    def tune(request: FineTuningRequest, on_progress: ProgressReporter, stop: threading.Event) -> object:
+        return TUNER(request, lambda *each: (told.append(each), on_progress(*each)), stop)
+
+    harness = fine_tuning_harness(folder, tune)
     nodes, start = set(harness.state.live_map.graph.nodes), harness.state.fine_tuning.weights
     assert harness.now.fine_tuning.drive.endswith("images of the map")
     now = harness.do(c.FineTune(3), ticks=2)
     assert now.fine_tuning.phase is FineTuningPhase.LEARNED
     assert start is not None
     [weights] = folder.glob("*.safetensors")
-    assert now.fine_tuning.path == str(weights)
+    assert now.fine_tuning.path == str(weights) == str(harness.state.fine_tuning.offer)
     assert now.fine_tuning.besides_s is not None  # All parts of the lesson were heard and measured.
     assert weights.name.startswith("images-at-hand-learned-")
     assert read_card(weights)["parent"] == weights_fingerprint(start)
@@ -114,13 +119,12 @@ def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder
     assert len(list(folder.iterdir())) == 2
     assert harness.now.weights == "flat"
     assert set(harness.state.live_map.graph.nodes) == nodes
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] < shares[-1] <= 1
+    assert [told[0][1], told[-1][1]] == ["reading and labelling the drive", "judging the weights after"]
+    assert {"looking at boxes", "learning"} <= {doing for _, doing in told}
 
-
-@pytest.mark.slow
-def test_new_weights_come_into_use_with_a_map_built_by_them(folder: Path) -> None:
-    harness = fine_tuning_harness(folder)
-    harness.do(c.FineTune(3), ticks=2)
-    weights = harness.state.fine_tuning.offer
     now = harness.do(c.UseWeights(), ticks=3)
     assert now.mode is Mode.TELEOP
     assert now.weights == harness.state.live_map.fingerprint == weights_fingerprint(weights)
@@ -129,8 +133,7 @@ def test_new_weights_come_into_use_with_a_map_built_by_them(folder: Path) -> Non
     assert str(weights) in now.message.text
     assert harness.state.live_map.graph.nodes
     assert now.moment.graph.ids.tolist() == list(harness.state.live_map.graph.nodes)
-    harness.do(c.FineTune(3), ticks=2)
-    assert read_card(harness.state.fine_tuning.offer)["parent"] == now.weights
+    assert harness.state.fine_tuning.weights == weights  # The next lesson goes on from these.
 
 
 def test_cancelling_the_rebuilding_keeps_map_weights_and_offer(folder: Path, executor: ThreadPoolExecutor) -> None:
@@ -238,18 +241,6 @@ def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: 
     with pytest.raises(WeightsError, match=r"Training ended without a result .* free some space"):
         TUNER(request, lambda _share, doing: told.append(doing), threading.Event())
     assert told == ["reading and labelling the drive"]
-
-
-@pytest.mark.slow
-def test_progress_runs_from_reading_to_the_last_judgement_and_never_back(folder: Path) -> None:
-    told: list[tuple[float, str]] = []
-    request = FineTuningRequest(DriveSource("images", drive()), tiny_weights(folder), folder / "new.safetensors", 3)
-    assert TUNER(request, lambda *each: told.append(each), threading.Event()) is not None
-    shares = [share for share, _ in told]
-    assert shares == sorted(shares)
-    assert 0 <= shares[0] < shares[-1] <= 1
-    assert [told[0][1], told[-1][1]] == ["reading and labelling the drive", "judging the weights after"]
-    assert {"looking at boxes", "learning"} <= {doing for _, doing in told}
 
 
 def test_weights_that_see_more_far_false_positives_are_kept_but_not_offered(folder: Path) -> None:

@@ -1,7 +1,6 @@
 """Where the robot might be: live, and in the demo recording."""
 
 import re
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -9,21 +8,18 @@ import pytest
 
 from ltvn_core.analysis.answer import StepChart
 from ltvn_core.analysis.answer_text import answer_text
-from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.inspector import DebugContextBuilder
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.options import AppOptions
-from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.repository import RECORDINGS
+from tests.repository import DEMO_DRIVE, RECORDINGS
+from tests.viz.app_session import AppSession
 from tests.viz.debugger.answer_links import follow, words
-from tests.viz.session_harness import FakeDriver, SessionHarness
+from tests.viz.session_harness import SessionHarness
 
 
 @pytest.fixture
@@ -76,25 +72,12 @@ def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
     assert "The map is empty" in answer_text(shown.answer)
 
 
-@pytest.fixture
-def replayed() -> Iterator[list[Snapshot]]:
-    """Show the end of the demo recording to the tool, and wait for the answer."""
-    with ExitStack() as stack:
-        options = AppOptions(recordings=RECORDINGS, replay="demo-drive.rrd")
-        state = open_app_state(options, stack, ThumbnailStore())
-        shown: list[Snapshot] = []
-        session = Session(state, FakeDriver(), shown.append)
-        session.send(c.OpenRecording("demo-drive.rrd", at_s=150.0))
-        session.send(c.ChooseQuestion(QuestionName.WHERE))
-        for _ in range(40):
-            session.tick()
-            state.worker.settle()
-        yield shown
-        session.close()
-
-
 @pytest.mark.slow
-def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared(replayed: list[Snapshot]) -> None:
+def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared() -> None:
+    with ExitStack() as stack:
+        page = AppSession(stack, AppOptions(recordings=RECORDINGS, replay=DEMO_DRIVE.name))
+        page.do(c.OpenRecording(DEMO_DRIVE.name, at_s=150.0), c.ChooseQuestion(QuestionName.WHERE), ticks=40)
+    replayed = page.shown
     last = replayed[-1]
 
     reading = [each for each in replayed if "left …" in words(each)]

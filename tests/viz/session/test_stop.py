@@ -12,15 +12,12 @@ import pytest
 from ltvn_core.evaluation.door_story.story_map import WRONG_EDGE
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.types import Twist
-from ltvn_viz.app_opening import open_app_state
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
-from ltvn_viz.session.session_loop import Session
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.viz.session_harness import FakeDriver, InlineExecutor, SessionHarness
+from tests.viz.app_session import AppSession
+from tests.viz.session_harness import InlineExecutor, SessionHarness
 from tests.viz.two_floors import add_lift, nearest, open_two_rooms
-from tests.waiting import until
 
 TICKS = 60
 FORWARD = Twist(0.4, 0.0)
@@ -128,42 +125,38 @@ def test_an_error_of_the_app_ends_the_query_for_good(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppSession]:
     """The shipped map, in which the story plays."""
     pytest.importorskip("embreex")
     with ExitStack() as stack:
-        state = open_app_state(AppOptions(recordings=tmp_path_factory.mktemp("demo")), stack, ThumbnailStore())
-        session = Session(state, FakeDriver(), lambda _: None)
-        yield session
-        session.close()
+        yield AppSession(stack, AppOptions(recordings=tmp_path_factory.mktemp("demo")))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", [c.StopRobot(), c.Cancel(), c.TakeOver()], ids=lambda way: type(way).__name__)
-@pytest.mark.parametrize("is_driving", [False, True], ids=["between two parts", "while the robot drives"])
+@pytest.mark.parametrize(
+    ("way", "is_driving"), [(c.StopRobot(), False), (c.StopRobot(), True), (c.Cancel(), False), (c.TakeOver(), True)]
+)
 def test_the_story_is_over_and_leaves_the_door_open_and_begins_anew(
-    demo: Session, way: c.Command, is_driving: bool
+    demo: AppSession, way: c.Command, is_driving: bool
 ) -> None:
     state, system = demo.state, demo.state.live_map.system
-    demo.send(c.WatchItLearn())
-    demo.tick()
+    demo.do(c.WatchItLearn())
     story = state.story
     assert story is not None
     assert not story.is_over
     if is_driving:
-        until(lambda: demo.mode is Mode.NAVIGATING, meanwhile=demo.tick)
+        demo.until(lambda _: demo.session.mode is Mode.NAVIGATING)
     else:
-        until(lambda: story.captions, meanwhile=demo.tick)
-        assert demo.mode is Mode.TELEOP
-    demo.send(way)
-    demo.tick()
+        demo.until(lambda _: story.captions)
+        assert demo.session.mode is Mode.TELEOP
+    demo.do(way)
     assert story.is_over
-    until(lambda: state.live_map.system is system, meanwhile=demo.tick)
+    demo.until(lambda _: state.live_map.system is system)
     where, queries = state.live.robot.drawn_pose.copy(), state.queries
     for _ in range(TICKS):
-        demo.tick()
+        demo.do()
     np.testing.assert_allclose(state.live.robot.drawn_pose, where, atol=1e-3)
-    assert (demo.mode, state.queries) == (Mode.TELEOP, queries)
+    assert (demo.session.mode, state.queries) == (Mode.TELEOP, queries)
     assert state.world is not None
     assert all(door.is_open for door in state.world.view.doors)
     assert WRONG_EDGE not in state.live_map.graph.edges

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,36 +21,26 @@ from ltvn_core.worlds import DoorMoved
 from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
-from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.snapshot import Snapshot, WorldView
+from ltvn_viz.session.snapshot import WorldView
 from ltvn_viz.wishes import commands as c
-from tests.viz.session_harness import FakeDriver, SessionHarness
+from tests.viz.app_session import AppSession
+from tests.viz.session_harness import SessionHarness
 from tests.waiting import until
 
 pytest.importorskip("embreex")
 
 
-@dataclass
-class ApartmentSession:
+class ApartmentSession(AppSession):
     """A session in the demo apartment, and what its page shows."""
-
-    session: Session
-    shown: list[Snapshot] = field(default_factory=list)
-
-    def do(self, *commands: c.Command) -> Snapshot:
-        for command in commands:
-            self.session.send(command)
-        self.session.tick()
-        return self.shown[-1]
 
     @property
     def view(self) -> WorldView:
-        view = self.shown[-1].world
+        view = self.now.world
         assert view is not None
         return view
 
     def changes(self) -> list[WorldChanged]:
-        events = (stamped.event for stamped in self.session.state.live.timeline.events)
+        events = (stamped.event for stamped in self.state.live.timeline.events)
         return [event for event in events if isinstance(event, WorldChanged)]
 
 
@@ -58,12 +48,9 @@ class ApartmentSession:
 def apartment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ApartmentSession]:
     options = AppOptions(predictor="oracle", recordings=tmp_path_factory.mktemp("recordings"))
     with ExitStack() as stack:
-        shown: list[Snapshot] = []
-        state = open_app_state(options, stack, ThumbnailStore())
-        opened = ApartmentSession(Session(state, FakeDriver(), shown.append), shown)
-        opened.session.tick()
+        opened = ApartmentSession(stack, options)
+        opened.do()
         yield opened
-        opened.session.close()
 
 
 @pytest.fixture(autouse=True)
@@ -74,7 +61,7 @@ def as_made(apartment: ApartmentSession) -> None:
 
 def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(apartment: ApartmentSession) -> None:
     door = apartment.view.doors[0]
-    before = apartment.session.state.live.robot.observe()
+    before = apartment.state.live.robot.observe()
     shown = apartment.do(c.ToggleDoor(door.door))
     assert not apartment.view.doors[0].is_open
     assert shown.moment.progress.world.closed_doors == {door.door}
@@ -82,8 +69,8 @@ def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(a
     assert door.label in shown.message.text
     assert apartment.changes()[-1].change == DoorMoved(door.door, is_open=False)
     assert apartment.changes()[-1].by is ChangedBy.HAND
-    assert apartment.session.state.live.robot.observe().step > before.step
-    world = apartment.session.state.world
+    assert apartment.state.live.robot.observe().step > before.step
+    world = apartment.state.world
     assert world is not None
     assert world.world.scene.clearance.at(np.array([door.x, door.y])) == 0
     apartment.do(c.ToggleDoor(door.door))
@@ -91,7 +78,7 @@ def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(a
 
 
 def test_a_change_that_would_hit_the_robot_is_refused_in_words(apartment: ApartmentSession) -> None:
-    pose = apartment.session.state.live.robot.drawn_pose
+    pose = apartment.state.live.robot.drawn_pose
     shown = apartment.do(c.PutBox((float(pose[0]), float(pose[1]))))
     assert shown.message is not None
     assert "the robot is there" in shown.message.text
@@ -135,11 +122,11 @@ def test_a_box_is_put_down_and_taken_away_and_each_change_is_undone(apartment: A
     apartment.do(c.UndoWorldChange())
     assert numbers(apartment) == []
     apartment.do(c.UndoWorldChange())
-    assert "nothing to undo" in (apartment.shown[-1].message or pytest.fail("nothing was said")).text
+    assert "nothing to undo" in (apartment.now.message or pytest.fail("nothing was said")).text
 
 
 def test_darker_light_makes_the_robots_image_darker(apartment: ApartmentSession) -> None:
-    robot = apartment.session.state.live.robot
+    robot = apartment.state.live.robot
     before = robot.observe().rgb.mean()
     apartment.do(c.SetLight(50))
     assert robot.observe().rgb.mean() == pytest.approx(before / 2, rel=0.05)
@@ -153,7 +140,7 @@ def test_a_recording_that_begins_later_tells_what_the_world_is_like(apartment: A
     apartment.do(c.ToggleDoor(door))
     apartment.do(c.KeepRecording())
     until(lambda: apartment.do().recording.name is None)
-    path = next(iter(apartment.session.state.library.folder.glob("*.rrd")))
+    path = next(iter(apartment.state.library.folder.glob("*.rrd")))
     changes = [each.event.change for each in Recording.open(path).events if isinstance(each.event, WorldChanged)]
     assert changes[-2:] == [DoorMoved(door, is_open=False), DoorMoved(door, is_open=True)]
 
@@ -169,13 +156,13 @@ def test_a_robot_in_a_real_world_has_nothing_to_change(tmp_path: Path) -> None:
 def test_in_another_map_the_story_names_the_command_that_opens_its_own_and_changes_nothing(
     apartment: ApartmentSession,
 ) -> None:
-    system = apartment.session.state.live_map.system
+    system = apartment.state.live_map.system
     assert "ltvn app" in apartment.do().no_story
     shown = apartment.do(c.WatchItLearn())
     assert shown.message is not None
     assert "ltvn app" in shown.message.text
     assert shown.story == ()
-    assert apartment.session.state.live_map.system is system
+    assert apartment.state.live_map.system is system
     assert all(each.is_open for each in apartment.view.doors)
 
 
@@ -186,11 +173,8 @@ def test_a_script_of_changes_runs_in_the_page_from_the_beginning(tmp_path: Path)
     script.write_text(json.dumps({"name": "evening", "changes": changes}), encoding="utf-8")
     options = AppOptions(predictor="oracle", recordings=tmp_path / "recordings", world=str(script))
     with ExitStack() as stack:
-        shown: list[Snapshot] = []
-        state = open_app_state(options, stack, ThumbnailStore())
-        app = ApartmentSession(Session(state, FakeDriver(), shown.append), shown)
-        stack.callback(app.session.close)
-        app.session.tick()
+        app = ApartmentSession(stack, options)
+        app.do()
         assert not app.view.doors[0].is_open
         assert app.view.light == 1.0
         until(lambda: app.do().world is not None and app.view.light == 0.5)
@@ -207,7 +191,7 @@ def test_a_script_that_is_none_is_refused_before_the_page_opens(tmp_path: Path) 
 def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     apartment: ApartmentSession, away_m: float
 ) -> None:
-    state, world = apartment.session.state, apartment.session.state.world
+    state, world = apartment.state, apartment.state.world
     assert world is not None
     start, end = world.world.scene.clearance.sample_poses(np.random.default_rng(0), 2, min_clearance_m=0.4)
     nodes = [add_node(apartment, end, away_m), add_node(apartment, start, 0.0)]
@@ -216,11 +200,11 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     apartment.do(c.NavigateTo(nodes[0]))
     until(lambda: state.actions.state() is ActionState.PENDING, meanwhile=apartment.session.tick)
     apartment.do(c.EndAction(succeeded=True))
-    until(lambda: apartment.shown[-1].waiting is None, meanwhile=apartment.session.tick)
+    until(lambda: apartment.now.waiting is None, meanwhile=apartment.session.tick)
 
     stands = end if not away_m else start
     np.testing.assert_allclose(state.live.robot.drawn_pose[:2], stands[:2], atol=0.3)
-    message = apartment.shown[-1].message
+    message = apartment.now.message
     assert (message is not None and "stays" in message.text) == bool(away_m)
     apartment.do(c.Cancel())
     until(lambda: apartment.session.mode is c.Mode.TELEOP, meanwhile=apartment.session.tick)
@@ -229,7 +213,7 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
 
 def add_node(apartment: ApartmentSession, pose: Pose, away_m: float) -> NodeId:
     """Put the robot at a pose (3,) and add its image to the map, as if it was taken `away_m` metres away."""
-    state = apartment.session.state
+    state = apartment.state
     assert state.world is not None
     state.world.carry(pose)
     seen = replace(state.live.capture(), exact_pose=pose + np.array([away_m, 0.0, 0.0]))

@@ -15,7 +15,6 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import ROBUST
-from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -23,7 +22,7 @@ from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predictor, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.session.activities.playback import Playback
@@ -281,6 +280,6 @@ class _StoredObservations:
         return self.by_frame[frame]
 
 
-def pose_ahead(pose: Pose, metres: float) -> Pose:
-    """Return the pose so far straight ahead."""
-    return compose(pose, np.array([metres, 0.0, 0.0]))
+def said(shown: Snapshot | AppState) -> str:
+    """Return the message on show, or nothing."""
+    return shown.message.text if shown.message is not None else ""

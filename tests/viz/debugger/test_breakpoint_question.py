@@ -1,7 +1,5 @@
 """Stopping where a person asked for it, live and in a recording."""
 
-from pathlib import Path
-
 import pytest
 
 from ltvn_core.analysis.timeline import Timeline
@@ -15,7 +13,7 @@ from ltvn_viz.timeline.breakpoint_monitor import Breakpoint, BreakpointMonitor
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.viz.debugger.answer_links import follow, words
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 HERE = PoseRow(0.0, 0.0, 0.0)
 STORY: list[e.Event] = [
@@ -38,9 +36,8 @@ STORY: list[e.Event] = [
 
 
 @pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
+def harness(harness: SessionHarness) -> SessionHarness:
     """A live map of one room with the breakpoints on show."""
-    harness = SessionHarness(tmp_path)
     harness.do(c.ChooseQuestion(QuestionName.BREAK))
     return harness
 
@@ -104,8 +101,7 @@ def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harne
     held = harness.until(lambda snapshot: snapshot.mode is not Mode.NAVIGATING)
 
     assert held.mode is Mode.PAUSED
-    assert held.message is not None
-    assert f"node {goal} is the goal" in held.message.text
+    assert f"node {goal} is the goal" in said(held)
     assert "Met once" in words(held)
 
 
@@ -135,8 +131,7 @@ def test_nothing_is_typed_to_set_a_breakpoint(harness: SessionHarness) -> None:
     shown = harness.do(c.SubmitText("prune"))
 
     assert not shown.inspection.answer.input_hint
-    assert shown.message is not None
-    assert "follow a link" in shown.message.text
+    assert "follow a link" in said(shown)
 
 
 def test_a_breakpoint_finds_what_the_live_run_met_before_it_was_set(harness: SessionHarness) -> None:
@@ -164,8 +159,7 @@ def test_a_replay_stops_at_each_hit_and_plays_on_from_there(harness: SessionHarn
     assert second.replay is not None
     assert 0 < first.replay.time_s < second.replay.time_s
     assert second.moment.progress.ended is not None
-    assert second.message is not None
-    assert "Stopped at" in second.message.text
+    assert "Stopped at" in said(second)
 
 
 def test_links_lead_to_the_next_and_to_the_previous_hit_of_a_recording(harness: SessionHarness) -> None:

@@ -28,7 +28,7 @@ from tests.core.data.importing.plan_files import laid_room
 from tests.repository import DEMO_MAP, RECORDINGS
 from tests.viz.debugger import answer_links
 from tests.viz.debugger.answer_links import words
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 
 @pytest.fixture
@@ -85,8 +85,7 @@ def test_a_run_is_compared_with_what_its_map_was_before_it_learned(demo: Session
 def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_words(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.COMPARE))
     demo.do(c.SubmitText("gone.rrd"))
-    assert demo.now.message is not None
-    assert "gone.rrd" in demo.now.message.text
+    assert "gone.rrd" in said(demo.now)
 
     (demo.library.folder / "holiday.rrd").write_bytes(b"not a recording")
     shown = demo.do(c.SubmitText("holiday.rrd"), ticks=3)
@@ -152,8 +151,7 @@ def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) ->
 
 def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(demo: SessionHarness) -> None:
     shown = demo.do(*commands_from_link("replay=gone.rrd&at=3&tool=edge&edge=1-2"), ticks=3)
-    assert shown.message is not None
-    assert "gone.rrd" in shown.message.text
+    assert "gone.rrd" in said(shown)
     assert shown.inspection.question is QuestionName.NONE
     assert demo.do(c.Seek(1.0)).mode is Mode.REPLAY
 

@@ -115,8 +115,7 @@ def test_a_question_with_a_wrong_attribute_is_named_and_left_out(name: str, capl
         ("Unoffered", "LookupError: cannot offer"),
     ],
 )
-def test_what_goes_wrong_in_a_question_is_its_answer(tmp_path: Path, name: str, said: str) -> None:
-    harness = SessionHarness(tmp_path)
+def test_what_goes_wrong_in_a_question_is_its_answer(harness: SessionHarness, name: str, said: str) -> None:
     asked = [*installed_questions(plugins(name, "Sound"))]
     harness.state.debugger = Inspector(asked, harness.state.worker)
 

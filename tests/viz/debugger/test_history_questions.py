@@ -29,7 +29,7 @@ from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import answer_of, follow, words
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 
 class Past(SessionHarness):
@@ -156,8 +156,7 @@ def test_where_there_is_nothing_before_the_page_says_so(past: Past) -> None:
 
     shown = past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False))
 
-    assert shown.message is not None
-    assert "no query before" in shown.message.text
+    assert "no query before" in said(shown)
 
 
 def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> None:

@@ -1,21 +1,11 @@
 """The Why tab's machinery: questions, links into time, clicks that ask instead of navigate."""
 
-from pathlib import Path
-
-import pytest
-
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.viz.debugger.answer_links import links, words
-from tests.viz.session_harness import SessionHarness
-
-
-@pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
-    """A live map of one room, and an edge to ask about."""
-    return SessionHarness(tmp_path)
+from tests.viz.session_harness import SessionHarness, said
 
 
 def an_edge(harness: SessionHarness) -> tuple[int, int]:
@@ -70,8 +60,7 @@ def test_a_link_of_another_question_says_that_it_is_gone(harness: SessionHarness
     gone = harness.do(c.ChooseQuestion(QuestionName.TIME), c.FollowLink(link_numbers(shown)[0]))
 
     assert gone.inspection.selection.edge == (source, target)
-    assert gone.message is not None
-    assert "replaced before your click arrived" in gone.message.text
+    assert "replaced before your click arrived" in said(gone)
 
 
 def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionHarness) -> None:
@@ -89,5 +78,4 @@ def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionH
 def test_text_that_no_question_asked_for_are_answered_with_what_to_do(harness: SessionHarness) -> None:
     snapshot = harness.do(c.SubmitText("hello"))
 
-    assert snapshot.message is not None
-    assert "Choose a question first" in snapshot.message.text
+    assert "Choose a question first" in said(snapshot)

@@ -23,9 +23,8 @@ from tests.viz.session_harness import SessionHarness
 
 
 @pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
+def harness(harness: SessionHarness) -> SessionHarness:
     """A live map of one room with the tool on show."""
-    harness = SessionHarness(tmp_path)
     harness.do(c.ChooseQuestion(QuestionName.WHERE), ticks=5)
     return harness
 

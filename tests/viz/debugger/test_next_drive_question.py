@@ -17,8 +17,7 @@ def test_the_coach_says_where_to_drive_and_a_ghost_stands_there(tmp_path: Path) 
     assert len(shown.inspection.answer.overlay.ghosts) == 1
 
 
-def test_a_map_that_falls_apart_is_to_be_joined_first(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_a_map_that_falls_apart_is_to_be_joined_first(harness: SessionHarness) -> None:
     graph = harness.state.live_map.graph
     middle = sorted(graph.nodes)[len(graph.nodes) // 2]
     across = [key for key in graph.edges if (key[0] < middle) != (key[1] < middle)]
@@ -31,8 +30,7 @@ def test_a_map_that_falls_apart_is_to_be_joined_first(tmp_path: Path) -> None:
     assert shown.inspection.answer.overlay.nodes
 
 
-def test_in_a_recording_the_coach_says_why_it_is_silent(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_in_a_recording_the_coach_says_why_it_is_silent(harness: SessionHarness) -> None:
     harness.do(c.StartRecording(), c.KeepRecording())
 
     shown = harness.do(c.OpenRecording(harness.writers[-1].path.name), c.ChooseQuestion(QuestionName.COACH), ticks=3)

@@ -17,7 +17,7 @@ from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.wishes import commands as c
 from tests.repository import ROOT
 from tests.viz.debugger.answer_links import follow, words
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 
 class CountNodes(c.QuestionRequest):
@@ -45,9 +45,8 @@ class NodeCountQuestion(Question[CountNodes]):
 
 
 @pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
+def harness(harness: SessionHarness) -> SessionHarness:
     """A session whose debugger knows one question more than ours, and none of ours."""
-    harness = SessionHarness(tmp_path)
     harness.state.debugger = Inspector([NodeCountQuestion()], harness.state.worker)
     return harness
 
@@ -97,8 +96,7 @@ def test_a_question_that_takes_no_text_says_so(harness: SessionHarness) -> None:
 
     shown = harness.do(c.SubmitText("forty?"))
 
-    assert shown.message is not None
-    assert "Nothing can be typed here" in shown.message.text
+    assert "Nothing can be typed here" in said(shown)
 
 
 def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """What each page draws by where its camera is, and what a question marks: against a viser server without a browser."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -27,13 +26,6 @@ GRAPH = GraphArrays(
     acts=np.zeros(2, np.bool_),
     exits=np.zeros(3, np.bool_),
 )
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def page_at(server: viser.ViserServer, distance_m: float) -> viser.ClientHandle:

@@ -2,9 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,21 +43,9 @@ class Wire:
         return sent
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server
-    server.stop()
-
-
 @pytest.fixture
 def wire(server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch) -> Wire:
     return Wire(server, monkeypatch)
-
-
-@pytest.fixture
-def snapshot(tmp_path: Path) -> Snapshot:
-    return SessionHarness(tmp_path).wait(2)
 
 
 class Clock:
@@ -219,8 +205,7 @@ def test_the_pin_stays_at_the_goal_of_the_query_while_the_next_one_is_chosen(
     np.testing.assert_allclose(layer.pin.position[:2], graph.poses[1, :2], atol=1e-6)
 
 
-def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, harness: SessionHarness) -> None:
     predicted_subgoal, plan = GhostLayer(server.scene, LOCOBOT), PlanLayer(server.scene)
     harness.do(c.NavigateTo(int(harness.wait().moment.graph.ids[-1])))
     shown = harness.until(lambda now: now.moment.predicted_subgoal is not None and len(now.moment.progress.plan) > 2)

@@ -1,9 +1,7 @@
 """The scene itself, against a real viser server without a browser: what stays drawn when it is another one."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
-import pytest
 import viser
 
 from ltvn_core.analysis.navigation_progress import NavigationProgress
@@ -12,13 +10,6 @@ from ltvn_core.worlds import AS_MADE, WorldState
 from ltvn_viz.layers.scene_layer import LINGER_S, SceneLayer
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:

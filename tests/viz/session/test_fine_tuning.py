@@ -34,7 +34,7 @@ from ltvn_viz.session.snapshot import FineTuningPhase
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import WISHES, Action, Audience
-from tests.viz.session_harness import InlineExecutor, SessionHarness
+from tests.viz.session_harness import InlineExecutor, SessionHarness, said
 from tests.viz.tiny_fine_tuning import PLAN, TUNER, TinyRehearsal, drive, record_drive, show_drive, tiny_weights
 from tests.waiting import PATIENCE_S
 
@@ -101,8 +101,14 @@ class GatedSimulation(TinyRehearsal):
 def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_built_by_them(folder: Path) -> None:
     told: list[tuple[float, str]] = []
 
-    def tune(request: FineTuningRequest, on_progress: ProgressReporter, stop: threading.Event) -> object:
-        return TUNER(request, lambda *each: (told.append(each), on_progress(*each)), stop)
+    def tune(
+        request: FineTuningRequest, on_progress: ProgressReporter, stop: threading.Event
+    ) -> FineTunedWeights | None:
+        def hear(share: float, doing: str) -> None:
+            told.append((share, doing))
+            on_progress(share, doing)
+
+        return TUNER(request, hear, stop)
 
     harness = fine_tuning_harness(folder, tune)
     nodes, start = set(harness.state.live_map.graph.nodes), harness.state.fine_tuning.weights
@@ -129,8 +135,7 @@ def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_b
     assert now.mode is Mode.TELEOP
     assert now.weights == harness.state.live_map.fingerprint == weights_fingerprint(weights)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
-    assert now.message is not None
-    assert str(weights) in now.message.text
+    assert str(weights) in said(now)
     assert harness.state.live_map.graph.nodes
     assert now.moment.graph.ids.tolist() == list(harness.state.live_map.graph.nodes)
     assert harness.state.fine_tuning.weights == weights  # The next lesson goes on from these.
@@ -202,8 +207,7 @@ def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: Thread
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
     now = harness.do(c.FineTune(3), c.FineTune(3))
-    assert now.message is not None
-    assert "learning already" in now.message.text
+    assert "learning already" in said(now)
     gate.open.set()
     harness.session.close()
 
@@ -249,8 +253,7 @@ def test_weights_that_see_more_far_false_positives_are_kept_but_not_offered(fold
     now = harness.do(c.FineTune(3), ticks=2)
     assert (now.fine_tuning.phase, now.fine_tuning.path) == (FineTuningPhase.WORSE, "new.safetensors")
     now = harness.do(c.UseWeights())
-    assert now.message is not None
-    assert "no new weights" in now.message.text
+    assert "no new weights" in said(now)
     assert now.weights == "flat"
 
 
@@ -272,16 +275,14 @@ def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
     harness = harness_with_new_weights(folder)
     harness.do(c.StartRecording(), ticks=2)
     now = harness.do(c.UseWeights())
-    assert now.message is not None
-    assert "Keep this recording" in now.message.text
+    assert "Keep this recording" in said(now)
     assert now.weights == "flat"
 
 
 @pytest.mark.parametrize("minutes", [0, 61])
 def test_a_time_without_sense_is_refused(folder: Path, minutes: int) -> None:
     now = fine_tuning_harness(folder).do(c.FineTune(minutes))
-    assert now.message is not None
-    assert "1 to 60 minutes" in now.message.text
+    assert "1 to 60 minutes" in said(now)
 
 
 def test_names_of_weights_are_never_taken_twice(folder: Path) -> None:

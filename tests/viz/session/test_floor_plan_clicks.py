@@ -14,7 +14,7 @@ from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.data.importing.plan_files import laid_room
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 TRUE_FRAME = np.array([0.6, -0.3, 0.2])
 """Pose of the plan's frame in that of the map, which the person finds."""
@@ -135,8 +135,7 @@ def test_a_pair_at_the_same_place_is_left_out_with_the_reason(aligning: Aligning
     first, last, _ = aligning.nodes
     aligning.click(first)
     shown = aligning.click(first)
-    assert shown.message is not None
-    assert "too near" in shown.message.text
+    assert "too near" in said(shown)
     assert aligning.view.pairs == 1
     aligning.click(last)
     np.testing.assert_allclose(aligning.frame, TRUE_FRAME, atol=0.02)
@@ -146,8 +145,7 @@ def test_a_click_that_comes_too_late_or_names_no_node_changes_nothing(aligning: 
     aligning.harness.do(c.PointOnFloorPlan((1.0, 1.0)))
     assert aligning.view.pairs == 0
     shown = aligning.harness.do(c.PickNode(10**6))
-    assert shown.message is not None
-    assert "not in the map" in shown.message.text
+    assert "not in the map" in said(shown)
     assert aligning.view.node is None
 
 

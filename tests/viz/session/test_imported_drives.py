@@ -19,6 +19,7 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.data.importing.drives import EXCERPT
 from tests.viz.app_session import AppSession
+from tests.viz.session_harness import said
 
 DRIVE = "tour.rrd"
 
@@ -66,8 +67,7 @@ def test_a_drive_in_another_format_is_offered_imported_and_opened(page: AppSessi
     now = page.until(lambda now: now.sources == ("a drive",))
     assert page.do(c.ImportDrive("a drive")).is_making
     now = page.until(lambda now: now.replay is not None and now.replay.name == "a drive.rrd")
-    assert now.message is not None
-    assert "images" in now.message.text
+    assert "images" in said(now)
 
 
 def test_nothing_is_imported_but_what_is_listed(page: AppSession, folder: Path) -> None:
@@ -75,8 +75,7 @@ def test_nothing_is_imported_but_what_is_listed(page: AppSession, folder: Path) 
     for name in ("../elsewhere", "notes.txt", DRIVE, ""):
         page.state.message = None
         now = page.do(c.ImportDrive(name))
-        assert now.message is not None
-        assert "There is no drive" in now.message.text
+        assert "There is no drive" in said(now)
         assert not now.is_making
 
 
@@ -96,12 +95,10 @@ def test_a_drive_that_cannot_be_read_is_one_clear_line_and_leaves_nothing(page: 
 def test_one_recording_is_made_at_a_time_and_can_be_given_up(page: AppSession, folder: Path) -> None:
     page.do(c.BuildMap())
     now = page.do(c.BuildMap())
-    assert now.message is not None
-    assert "not done yet" in now.message.text
+    assert "not done yet" in said(now)
     page.do(c.Cancel())
     now = page.until(lambda now: not now.is_making and now.message is not None)
-    assert now.message is not None
-    assert "cancelled" in now.message.text
+    assert "cancelled" in said(now)
     assert [path.name for path in folder.iterdir()] == [DRIVE]
 
 
@@ -111,8 +108,7 @@ def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_pictures_are_
     assert page.do(c.BuildMap()).is_making
     now = page.until(lambda now: now.replay is not None and now.replay.name == "tour-map.rrd")
     assert "tour-map.rrd" in page.state.library.names()
-    assert now.message is not None
-    assert "by geometric" in now.message.text
+    assert "by geometric" in said(now)
     nodes = page.do(c.Seek(1e9)).moment.graph.ids
     assert len(nodes) >= 2
     assert not page.now.is_making
@@ -128,8 +124,7 @@ def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_pictures_are_
     assert now.selected == node
     page.do(look_for(np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)))
     now = page.until(lambda now: now.selected is None)
-    assert now.message is not None
-    assert "not taken in this map" in now.message.text
+    assert "not taken in this map" in said(now)
 
 
 def test_a_picture_cannot_be_found_where_there_is_no_map(page: AppSession) -> None:

@@ -1,7 +1,6 @@
 """What a person may ask when, and what becomes of it; without a browser."""
 
 import signal
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -13,16 +12,9 @@ from ltvn_core.types import ZERO_TWIST, Twist
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import BaseCommand, Mode
 from ltvn_viz.wishes.wish_table import refusal
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 FORWARD = Twist(0.4, 0.0)
-
-
-@pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
-    return harness
 
 
 def a_far_node(harness: SessionHarness) -> int:
@@ -59,8 +51,7 @@ def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarnes
     shown = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert shown.moment.progress.ended is not None
     assert shown.moment.progress.ended.outcome is Outcome.CANCELLED
-    assert shown.message is not None
-    assert "took over" in shown.message.text
+    assert "took over" in said(shown)
     harness.wait()
     assert harness.robot.twist == FORWARD
 
@@ -137,8 +128,8 @@ def test_an_illegal_command_is_refused_with_what_to_do_first(harness: SessionHar
     shown = harness.do(c.Pause())
     assert shown.message is not None
     assert shown.message.severity is Severity.WARN
-    assert "Pause" in shown.message.text
-    assert "goal" in shown.message.text
+    assert "Pause" in said(shown)
+    assert "goal" in said(shown)
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -153,14 +144,12 @@ def test_every_command_has_a_place_in_the_table() -> None:
 def test_a_goal_outside_the_map_is_a_clear_error(harness: SessionHarness) -> None:
     shown = harness.do(c.NavigateTo(99_999))
     assert shown.mode is Mode.TELEOP
-    assert shown.message is not None
-    assert "99999" in shown.message.text
+    assert "99999" in said(shown)
 
 
 def test_navigating_without_a_goal_says_how_to_choose_one(harness: SessionHarness) -> None:
     shown = harness.do(c.NavigateTo())
-    assert shown.message is not None
-    assert "Choose a goal" in shown.message.text
+    assert "Choose a goal" in said(shown)
 
 
 def test_a_failing_robot_is_stopped_and_the_page_says_so(
@@ -175,8 +164,7 @@ def test_a_failing_robot_is_stopped_and_the_page_says_so(
     shown = harness.wait()
     assert harness.robot.stops > stops
     assert shown.mode is Mode.TELEOP
-    assert shown.message is not None
-    assert "wheel fell off" in shown.message.text
+    assert "wheel fell off" in said(shown)
     assert shown.recording.name is not None
     assert "the session failed" in caplog.text
 
@@ -203,7 +191,7 @@ def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
         harness.driver.twist = FORWARD if rng.random() < 0.1 else None
         picked = rng.choice(len(made), size=3)
         shown = harness.do(*(made[k] for k in picked), ticks=int(rng.integers(1, 4)))
-        assert shown.message is None or "went wrong" not in shown.message.text
+        assert "went wrong" not in said(shown)
     harness.driver.twist = None
     harness.do(c.StopRobot(), c.CloseRecording(), ticks=5)
     assert harness.session.mode is Mode.TELEOP
@@ -236,9 +224,8 @@ def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: Sessio
     edges = [key for key in graph.edges if goal in key]
     harness.session.state.live_map.change([EdgePruned(*key, Cause.HAND) for key in edges])
     shown = harness.do(c.NavigateTo(goal), ticks=1)
-    assert shown.message is not None
-    assert f"does not contain goal {goal}" in shown.message.text
-    assert "Nearest to it is node" in shown.message.text
+    assert f"does not contain goal {goal}" in said(shown)
+    assert "Nearest to it is node" in said(shown)
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -276,9 +263,8 @@ def test_a_rebuilt_map_says_what_changed_and_the_old_one_comes_back(harness: Ses
     harness.do(c.BuildMap())
     shown = harness.until(lambda now: now.mode is Mode.TELEOP and now.can_undo_build)
     rebuilt = harness.state.live_map.graph
-    assert shown.message is not None
-    assert f"{len(old[0]):,} → {len(rebuilt.nodes):,} nodes" in shown.message.text
-    assert "Undo" in shown.message.text
+    assert f"{len(old[0]):,} → {len(rebuilt.nodes):,} nodes" in said(shown)
+    assert "Undo" in said(shown)
     harness.do(c.UndoBuild())
     shown = harness.until(lambda now: not now.can_undo_build)
     back = harness.state.live_map.graph
@@ -286,8 +272,7 @@ def test_a_rebuilt_map_says_what_changed_and_the_old_one_comes_back(harness: Ses
     assert sorted(shown.moment.graph.ids.tolist()) == old[0]
     assert len(shown.moment.graph.p) == len(old[1])
     again = harness.do(c.UndoBuild())
-    assert again.message is not None
-    assert "no map to bring back" in again.message.text
+    assert "no map to bring back" in said(again)
 
 
 def test_one_may_drive_and_navigate_by_the_map_that_came_back(harness: SessionHarness) -> None:

@@ -14,7 +14,7 @@ from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
 from tests.viz.session.test_modes import a_far_node
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 CLOSED = Absence(Loss.CLOSED, datetime(2030, 1, 2, 14, 3))
 
@@ -90,8 +90,7 @@ def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -
     vars(harness.robot.clock)["is_simulated"] = False
     handle(harness.state, c.KeepGoing(is_on=True))
     assert not harness.state.keeps_going
-    assert harness.state.message is not None
-    assert "needs a person" in harness.state.message.text
+    assert "needs a person" in said(harness.state)
 
 
 def test_whoever_started_a_query_keeps_the_seat_while_it_goes_on() -> None:

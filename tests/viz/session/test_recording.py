@@ -9,14 +9,7 @@ from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Localised
 from ltvn_core.types import Twist
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.viz.session_harness import SessionHarness
-
-
-@pytest.fixture
-def harness(tmp_path: Path) -> SessionHarness:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
-    return harness
+from tests.viz.session_harness import SessionHarness, said
 
 
 def record(harness: SessionHarness, ticks: int = 60) -> None:
@@ -58,8 +51,7 @@ def test_discarding_moves_the_file_aside_and_deletes_nothing(harness: SessionHar
 def test_a_second_recording_cannot_begin_over_the_first(harness: SessionHarness) -> None:
     record(harness, ticks=5)
     shown = harness.do(c.StartRecording())
-    assert shown.message is not None
-    assert "keep or discard it first" in shown.message.text
+    assert "keep or discard it first" in said(shown)
     assert len(harness.writers) == 1
 
 
@@ -82,8 +74,7 @@ def test_a_full_disk_ends_the_recording_keeps_the_file_and_says_so(harness: Sess
     harness.writers[0].full = True
     harness.driver.twist = Twist(0.3, 0.0)
     shown = harness.until(lambda now: now.recording.name is None)
-    assert shown.message is not None
-    assert "No space left" in shown.message.text
+    assert "No space left" in said(shown)
     assert harness.writers[0].closed
     assert harness.writers[0].path.exists()
 
@@ -94,8 +85,7 @@ def test_an_unwritable_folder_is_a_clear_error(tmp_path: Path) -> None:
     harness = SessionHarness(blocked)
     shown = harness.do(c.StartRecording())
     assert shown.recording.name is None
-    assert shown.message is not None
-    assert "--recordings" in shown.message.text
+    assert "--recordings" in said(shown)
 
 
 def test_closing_the_app_keeps_the_recording_under_way(harness: SessionHarness) -> None:
@@ -110,8 +100,7 @@ def test_only_recordings_of_the_list_can_be_opened(harness: SessionHarness, name
     (harness.library.folder.parent / "secret.rrd").touch()
     shown = harness.do(c.OpenRecording(name), ticks=2)
     assert shown.mode is Mode.TELEOP
-    assert shown.message is not None
-    assert "no recording" in shown.message.text
+    assert "no recording" in said(shown)
 
 
 def test_a_link_out_of_the_folder_is_not_listed(harness: SessionHarness, tmp_path: Path) -> None:

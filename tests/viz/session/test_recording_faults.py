@@ -15,7 +15,7 @@ from ltvn_core.types import Twist
 from ltvn_viz.session.recorder import DaemonExecutor
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.viz.session_harness import FakeWriter, SessionHarness
+from tests.viz.session_harness import FakeWriter, SessionHarness, said
 from tests.waiting import until
 
 
@@ -58,8 +58,7 @@ def drive_on(harness: SessionHarness) -> None:
 def test_a_file_that_is_taken_away_while_the_robot_stands_is_said_and_driving_goes_on(harness: SessionHarness) -> None:
     begin(harness).unlink()
     shown = harness.until(lambda now: now.recording.name is None)
-    assert shown.message is not None
-    assert "was deleted" in shown.message.text
+    assert "was deleted" in said(shown)
     drive_on(harness)
 
 
@@ -70,8 +69,7 @@ def test_a_query_goes_on_when_its_recording_fails(harness: SessionHarness) -> No
     until(lambda: frames_on_disk(path) > 0)  # No time passes for the robot meanwhile.
     path.rename(path.with_name("elsewhere.rrd"))
     shown = harness.until(lambda now: now.recording.name is None)
-    assert shown.message is not None
-    assert "elsewhere.rrd" in shown.message.text
+    assert "elsewhere.rrd" in said(shown)
     ended = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert ended.moment.progress.goal == int(harness.now.moment.graph.ids[-1])
     until(lambda: not harness.state.live.recorder.is_on)
@@ -153,6 +151,5 @@ def test_the_session_waits_neither_for_a_file_to_begin_nor_to_end(
     disk_answers.set()
     shown = harness.until(lambda now: now.recording.name is None)
     assert made[0].closed
-    assert shown.message is not None
-    assert "Kept as" in shown.message.text
+    assert "Kept as" in said(shown)
     harness.session.close()

@@ -73,9 +73,7 @@ def far_node(harness: SessionHarness) -> int:
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("begin", [query, paused_query])
-def test_a_query_is_over(tmp_path: Path, begin: Callable[[SessionHarness], None], way: str) -> None:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
+def test_a_query_is_over(harness: SessionHarness, begin: Callable[[SessionHarness], None], way: str) -> None:
     begin(harness)
     WAYS[way](harness)
     stays(harness)
@@ -96,9 +94,7 @@ def test_an_image_whose_place_is_still_looked_for_sends_the_robot_nowhere(tmp_pa
     assert harness.now.upload is not None, "its places are still offered"
 
 
-def test_an_image_sends_the_robot_where_nobody_stops_it(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
+def test_an_image_sends_the_robot_where_nobody_stops_it(harness: SessionHarness) -> None:
     harness.do(c.NavigateToImage(harness.state.live_map.keyframes.observation(far_node(harness)).rgb), ticks=2)
     assert harness.state.queries == 1
 
@@ -116,9 +112,7 @@ def test_an_answer_about_an_action_does_not_move_the_robot_in_a_later_query(tmp_
     assert carried == []
 
 
-def test_an_error_of_the_app_ends_the_query_for_good(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
+def test_an_error_of_the_app_ends_the_query_for_good(harness: SessionHarness) -> None:
     query(harness)
     harness.state.fail("the app has a fault")
     stays(harness)

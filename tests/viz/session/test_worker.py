@@ -14,7 +14,7 @@ from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.viz.session_harness import InlineExecutor, SessionHarness
+from tests.viz.session_harness import InlineExecutor, SessionHarness, said
 from tests.waiting import PATIENCE_S
 
 
@@ -105,9 +105,7 @@ def test_building_can_be_cancelled_and_keeps_the_old_map(tmp_path: Path, executo
     assert set(harness.state.live_map.graph.nodes) == before
 
 
-def test_building_replaces_the_map_and_the_page_shows_the_new_one(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
-    harness.wait()
+def test_building_replaces_the_map_and_the_page_shows_the_new_one(harness: SessionHarness) -> None:
     harness.do(c.BuildMap(), ticks=3)
     assert harness.now.mode is Mode.TELEOP
     assert harness.now.moment.graph.ids.tolist() == list(harness.state.live_map.graph.nodes)
@@ -119,8 +117,7 @@ def test_building_from_nothing_says_what_to_do_first(tmp_path: Path) -> None:
     harness.state.live_map.keyframes.keep_only([])
     harness.do(c.BuildMap(), ticks=2)
     assert harness.now.mode is Mode.TELEOP
-    assert harness.now.message is not None
-    assert "drive a little first" in harness.now.message.text
+    assert "drive a little first" in said(harness.now)
 
 
 def test_the_map_grows_while_one_drives(tmp_path: Path) -> None:

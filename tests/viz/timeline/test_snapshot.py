@@ -107,8 +107,7 @@ def test_a_loaded_map_does_not_glow() -> None:
     assert not len(history.added_edges(3, 0.0, 3.0).ages_s)
 
 
-def test_what_did_not_change_is_the_same_object(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_what_did_not_change_is_the_same_object(harness: SessionHarness) -> None:
     first = harness.wait(120).moment  # By then nothing glows any more.
     second = harness.wait(10).moment
     assert second.graph is first.graph

@@ -2,7 +2,6 @@
 
 import json
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
@@ -20,7 +19,7 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_FAULT
-from tests.viz.session_harness import SessionHarness
+from tests.viz.session_harness import SessionHarness, said
 
 
 def rows_of(run: Timeline) -> list[tuple[int, ...]]:
@@ -104,8 +103,7 @@ def do(harness: SessionHarness, action: Action, target: int | None = None) -> Ti
     return harness.do(command).timeline
 
 
-def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(harness: SessionHarness) -> None:
     harness.wait(90)
     length_s = harness.now.timeline.length_s
     assert harness.now.timeline.is_now
@@ -120,8 +118,7 @@ def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(tmp_path: Path) ->
     assert not harness.now.timeline.is_playing
 
 
-def test_looking_back_ends_with_one_press_and_whenever_somebody_drives(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_looking_back_ends_with_one_press_and_whenever_somebody_drives(harness: SessionHarness) -> None:
     harness.wait(60)
     assert not do(harness, Action.SEEK, 500).is_now
     assert do(harness, Action.SHOW_NOW).is_now
@@ -130,16 +127,13 @@ def test_looking_back_ends_with_one_press_and_whenever_somebody_drives(tmp_path:
     assert harness.wait(2).timeline.is_now
 
 
-def test_a_person_is_told_that_now_cannot_be_played(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_a_person_is_told_that_now_cannot_be_played(harness: SessionHarness) -> None:
     harness.wait(5)
     shown = harness.do(c.PlayTime())
-    assert shown.message is not None
-    assert "look back" in shown.message.text
+    assert "look back" in said(shown)
 
 
-def test_new_edges_of_a_drive_come_in_one_by_one_and_are_marked(tmp_path: Path) -> None:
-    harness = SessionHarness(tmp_path)
+def test_new_edges_of_a_drive_come_in_one_by_one_and_are_marked(harness: SessionHarness) -> None:
     events = [stamped.event for stamped in harness.state.live.timeline.events]
     assert any(isinstance(event, GraphChanged) for event in events)
     number, count = harness.state.strips.of(harness.state.live.timeline)

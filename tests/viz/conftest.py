@@ -1,4 +1,4 @@
-"""What the tests of panels draw on."""
+"""What most tests of the app draw on."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +16,14 @@ def server() -> Iterator[viser.ViserServer]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server
     server.stop()
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> SessionHarness:
+    """A session in a flat world with a map of one room, in which nothing has happened yet."""
+    harness = SessionHarness(tmp_path)
+    harness.wait()
+    return harness
 
 
 @pytest.fixture

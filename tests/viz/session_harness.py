@@ -109,7 +109,6 @@ class FakeWriter:
     frames: list[Observation] = field(default_factory=list)
     events: list[StampedEvent] = field(default_factory=list)
     closed: bool = False
-    full: bool = False
     failure: str | None = None
 
     def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
@@ -120,8 +119,6 @@ class FakeWriter:
             self.write_event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
 
     def write_frame(self, observation: Observation) -> None:
-        if self.full:
-            raise OSError(28, "No space left on device")
         if observation.step not in {seen.step for seen in self.frames}:
             self.frames.append(observation)
 

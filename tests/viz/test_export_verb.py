@@ -26,7 +26,6 @@ def export(**options: Any) -> ExportSummary:
 def test_a_map_and_a_drive_are_written_in_another_format(tmp_path: Path) -> None:
     route = export(recording=DEMO_MAP, to="nav2-route", output=tmp_path / "route.geojson")
     drive = export(recording=DEMO_DRIVE, to="vint", from_s=10, until=15, output=tmp_path / "drive")
-
     assert (route.format, route.frames, route.nodes) == ("nav2-route", None, 327)
     assert drive.frames == len(list((tmp_path / "drive").glob("*.jpg")))
     assert drive.size_bytes is not None
@@ -35,7 +34,6 @@ def test_a_map_and_a_drive_are_written_in_another_format(tmp_path: Path) -> None
 
 def test_seconds_still_say_where_a_moment_ends(tmp_path: Path) -> None:
     moment = export(recording=DEMO_DRIVE, from_s=10, to="15", output=tmp_path / "moment.rrd")
-
     assert moment.format is None
     assert moment.frames
 
@@ -46,10 +44,8 @@ def test_a_floor_plan_lies_under_the_figure_and_gives_the_route_its_frame(tmp_pa
     first, middle, last = np.quantile([*poses], (0, 0.5, 1), method="nearest").tolist()
     # The plan's origin is at x = 1 m, y = 2 m of the map.
     align = tuple(f"{node}={poses[node][0] - 1},{poses[node][1] - 2}" for node in (first, middle, last))
-
     export(recording=DEMO_MAP, to="nav2-route", output=tmp_path / "route.geojson", floor_plan=plan, align=align)
     export(recording=DEMO_MAP, svg=tmp_path / "map.svg", floor_plan=plan, align=align)
-
     features = json.loads((tmp_path / "route.geojson").read_text(encoding="utf-8"))["features"]
     place = next(each["geometry"]["coordinates"] for each in features if each["properties"]["id"] == first)
     assert place == pytest.approx([poses[first][0] - 1, poses[first][1] - 2])

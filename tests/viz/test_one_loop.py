@@ -110,10 +110,7 @@ def evaluation(errand: Errand) -> list[Event]:
     known = errand.known()
     simulation = errand.simulation(known)
     plan = EpisodePlan(
-        errand.start,
-        errand.goal,
-        pose_row(errand.pose(known, errand.start)),
-        pose_row(errand.pose(known, errand.goal)),
+        errand.start, errand.goal, pose_row(errand.pose(known, errand.start)), pose_row(errand.pose(known, errand.goal))
     )
     events: list[Event] = []
     runner = EpisodeRunner(simulation.scene, known, PROTOCOL)

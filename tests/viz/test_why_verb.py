@@ -31,7 +31,6 @@ def answered(why: Why, file: Path, *arguments: str) -> dict:
 def test_an_edge_is_told_with_its_attempts() -> None:
     command = [sys.executable, "-m", "ltvn_core.cli", "why", str(DEMO_FAULT), "--edge", "1489", "2621"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, encoding="utf-8", timeout=300)
-
     assert done.returncode == 0, done.stderr
     assert "1489 → 2621" in done.stdout
     assert done.stdout.count("failed (blocked)") >= 4
@@ -42,32 +41,17 @@ def test_the_same_as_json_says_what_was_asked_and_each_link_is_a_command_that_an
     links = [link for block in told["blocks"] if block["kind"] == "text" for link in block["links"]]
     back = next(link["to"] for link in links if "2621 1489" in link["to"])
     _, verb, file, *rest = back.split()
-
     assert (told["question"], told["at_s"], told["about"]) == ("edge", 5.0, {"edge": [1489, 2621]})
     assert (verb, file) == ("why", str(DEMO_FAULT))
     assert answered(why, Path(file), *rest)["about"] == {"edge": [2621, 1489]}
 
 
-def test_a_query_is_told_with_what_failed_in_it(why: Why) -> None:
-    told = answered(why, DEMO_FAULT, "--query", "3")
-
-    assert told["question"] == "failures"
-    assert any("query 3" in block.get("text", "") for block in told["blocks"])
-
-
 def test_without_a_question_those_that_the_file_can_answer_are_listed(why: Why) -> None:
     of_run = {each["question"] for each in answered(why, DEMO_FAULT)["questions"]}
     of_map = {each["question"] for each in answered(why, DEMO_MAP)["questions"]}
-
     assert {"edge", "failures", "truth", "what-if"} <= of_run
     assert "failures" not in of_map
     assert "edge" in of_map
-
-
-def test_what_a_person_would_type_is_taken_as_text(why: Why) -> None:
-    told = why(DEMO_FAULT, "--ask", "what-if", "--at", "1", "--text", "without 1489->2621")
-
-    assert "instead of 2 nodes" in told.stdout
 
 
 @pytest.mark.parametrize(
@@ -84,7 +68,6 @@ def test_what_a_person_would_type_is_taken_as_text(why: Why) -> None:
 )
 def test_a_refusal_says_what_would_be_valid(why: Why, arguments: tuple[str, ...], said: str) -> None:
     done = why(DEMO_FAULT, *arguments)
-
     assert done.code == 1
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -92,7 +75,6 @@ def test_a_refusal_says_what_would_be_valid(why: Why, arguments: tuple[str, ...]
 
 def test_a_query_is_told_alone(why: Why) -> None:
     said = why(DEMO_FAULT, "--query", "1").stdout
-
     assert "query 1" in said.lower()
     assert not any(f"query {other}" in said.lower() for other in (0, 2, 3))
     assert "of 4" not in said
@@ -101,7 +83,6 @@ def test_a_query_is_told_alone(why: Why) -> None:
 def test_the_terminal_says_what_to_type_and_never_to_click(why: Why) -> None:
     listed = why(DEMO_FAULT).stdout
     edge, what_if, compare = (why(DEMO_FAULT, "--ask", word).stdout for word in ("edge", "what-if", "compare"))
-
     assert "click" not in (listed + edge + what_if + compare).lower()
     assert "--edge" in edge
     assert "--text" in what_if
@@ -114,7 +95,6 @@ def test_an_edge_that_is_gone_is_asked_about_at_the_moment_that_the_answer_names
     change = ("--ask", "what-if", "--text", "without 1489->2621")
     gone = why(DEMO_FAULT, *change).stdout
     moment = gone.partition("--at ")[2].split()[0].rstrip(".")
-
     assert "is not in the map" in gone
     assert "is not in the map" not in why(DEMO_FAULT, *change, "--at", moment).stdout
 
@@ -122,10 +102,8 @@ def test_an_edge_that_is_gone_is_asked_about_at_the_moment_that_the_answer_names
 def test_another_map_is_named_by_its_path_to_compare_with(why: Why, tmp_path: Path) -> None:
     other = tmp_path / "elsewhere.rrd"
     other.write_bytes(DEMO_MAP.read_bytes())
-
     said = why(DEMO_FAULT, "--ask", "compare", "--text", str(other))
     unknown = why(DEMO_FAULT, "--ask", "compare", "--text", str(tmp_path / "nothing.rrd"))
-
     assert (said.code, "only here" in said.stdout) == (0, True)
     assert (unknown.code, DEMO_MAP.name in unknown.stderr) == (1, True)
 

@@ -4,28 +4,16 @@ import numpy as np
 import pytest
 
 from ltvn_core.analysis.map_comparison import MatchedBy, compare_maps, edge_betweenness, map_metrics
-from ltvn_core.data.recording.reader import Recording
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PoseRow,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from tests.repository import DEMO_DRIVE
 
 
 def chain(count: int, *more: EdgeKey, shift_m: float = 0.0, first: int = 0) -> TopologicalGraph:
     """Return nodes in a row, a metre apart, joined both ways."""
     nodes = range(first, first + count)
-    graph = TopologicalGraph(NodeAdded(Node(k, PoseRow(k - first + shift_m, 0.0, 0.0)), Cause.BUILD) for k in nodes)
+    graph = TopologicalGraph(
+        d.NodeAdded(d.Node(k, d.PoseRow(k - first + shift_m, 0.0, 0.0)), d.Cause.BUILD) for k in nodes
+    )
     for i in nodes[:-1]:
         for key in ((i, i + 1), (i + 1, i)):
             graph.apply(added(*key))
@@ -34,8 +22,8 @@ def chain(count: int, *more: EdgeKey, shift_m: float = 0.0, first: int = 0) -> T
     return graph
 
 
-def added(source: int, target: int, p: float = 0.9) -> EdgeAdded:
-    return EdgeAdded(Edge(source, target, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.01)), Cause.BUILD)
+def added(source: int, target: int, p: float = 0.9) -> d.EdgeAdded:
+    return d.EdgeAdded(d.Edge(source, target, d.PoseRow(1.0, 0.0, 0.0), d.Belief(p, 1.0, 0.01)), d.Cause.BUILD)
 
 
 def test_a_map_does_not_differ_from_itself() -> None:
@@ -46,9 +34,9 @@ def test_a_map_does_not_differ_from_itself() -> None:
 
 def test_what_maintenance_did_is_the_difference_before_and_after() -> None:
     before, after = chain(6), chain(6)
-    after.apply(EdgePruned(2, 3, Cause.ATTEMPT))
-    after.apply(NodeDropped(5, Cause.HAND))
-    after.apply(BeliefUpdated(0, 1, Belief(0.5, 1.0, 0.01), 1, 0, Cause.ATTEMPT))
+    after.apply(d.EdgePruned(2, 3, d.Cause.ATTEMPT))
+    after.apply(d.NodeDropped(5, d.Cause.HAND))
+    after.apply(d.BeliefUpdated(0, 1, d.Belief(0.5, 1.0, 0.01), 1, 0, d.Cause.ATTEMPT))
     after.apply(added(0, 2))
     difference = compare_maps(before, after)
     assert difference.matched_by is MatchedBy.ID
@@ -61,7 +49,7 @@ def test_what_maintenance_did_is_the_difference_before_and_after() -> None:
 
 def test_a_node_that_was_given_a_name_is_still_the_same() -> None:
     named = chain(3)
-    named.apply(NodeNamed(1, "sofa", False, Cause.HAND))
+    named.apply(d.NodeNamed(1, "sofa", False, d.Cause.HAND))
     difference = compare_maps(chain(3), named)
     assert (difference.nodes_only_a, difference.edges_only_a, difference.edges_only_b) == ((), (), ())
 
@@ -69,7 +57,7 @@ def test_a_node_that_was_given_a_name_is_still_the_same() -> None:
 def test_the_edge_that_most_paths_need_comes_first() -> None:
     before, after = chain(9), chain(9)
     for key in ((0, 1), (4, 5)):
-        after.apply(BeliefUpdated(*key, Belief(0.4, 1.0, 0.01), 1, 0, Cause.ATTEMPT))
+        after.apply(d.BeliefUpdated(*key, d.Belief(0.4, 1.0, 0.01), 1, 0, d.Cause.ATTEMPT))
     first, second = compare_maps(before, after).differing
     assert first.a is not None
     assert (first.a.source, first.a.target) == (4, 5)
@@ -113,16 +101,5 @@ def test_a_large_map_is_compared_whole() -> None:
     other = big.copy()
     gone = list(other.edges)[::50]
     for key in gone:
-        other.apply(EdgePruned(*key, Cause.ATTEMPT))
+        other.apply(d.EdgePruned(*key, d.Cause.ATTEMPT))
     assert len(compare_maps(big, other).differing) == len(gone)
-
-
-def test_the_demo_drive_changed_its_map_where_it_drove() -> None:
-    recording = Recording.open(DEMO_DRIVE)
-    start = next(stamped.step for stamped in recording.events if type(stamped.event).__name__ == "QueryStarted")
-    before, after = recording.graph_at(start), recording.final_graph()
-    difference = compare_maps(before, after)
-    assert set(difference.nodes) == set(before.nodes)
-    assert any(each.a and each.b and each.b.attempts for each in difference.differing)
-    numbers = map_metrics(after, recording.events)
-    assert (numbers.queries, numbers.reached, numbers.nodes) == (2, 2, 180)

@@ -5,42 +5,14 @@ import itertools
 import pytest
 
 from examples.presence_plugin.presence_filters import FREMEN
-from ltvn_core.analysis.edge_presence_history import (
-    PresenceDecision,
-    PresenceState,
-    expected_open_s,
-    explain_decision,
-    observed_presence,
-    presence_as_if,
-    presence_decision,
-    presence_difference,
-    presence_strip,
-)
+from ltvn_core.analysis import edge_presence_history as h
+from ltvn_core.analysis import world_clock as clock
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.what_if_changes import format_what_if_change, parse_what_if_change
 from ltvn_core.analysis.what_if_scenario import PresenceMoment, planner_state_at, replan
-from ltvn_core.analysis.world_clock import (
-    clock_text,
-    event_count_at,
-    parse_world_time,
-    time_ahead,
-    time_behind,
-    world_time_at,
-)
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.deltas import (
-    Belief,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    PoseRow,
-    PresenceObserved,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.persistent import PERSISTENT
@@ -57,52 +29,52 @@ OPENED = [*CLOSED_TWICE, PresenceObservation(present=True, stamp_s=4000.0)]
 
 def run_with(observations: list[PresenceObservation]) -> list[StampedEvent]:
     """Return the events of a map of one edge that was observed now and then."""
-    here = PoseRow(0.0, 0.0, 0.0)
-    edge = Edge(1, 2, PoseRow(0.6, 0.0, 0.0), Belief(0.9, 0.6, 0.02))
+    here = d.PoseRow(0.0, 0.0, 0.0)
+    edge = d.Edge(1, 2, d.PoseRow(0.6, 0.0, 0.0), d.Belief(0.9, 0.6, 0.02))
     deltas = [
-        NodeAdded(Node(1, here), Cause.BUILD),
-        NodeAdded(Node(2, here), Cause.BUILD),
-        EdgeAdded(edge, Cause.BUILD),
+        d.NodeAdded(d.Node(1, here), d.Cause.BUILD),
+        d.NodeAdded(d.Node(2, here), d.Cause.BUILD),
+        d.EdgeAdded(edge, d.Cause.BUILD),
     ]
     events = [StampedEvent(0, 0.0, GraphChanged(delta)) for delta in deltas]
     for number, (present, at_s) in enumerate(observations):
-        seen = PresenceObserved(1, 2, present=present, stamp=at_s, cause=Cause.ATTEMPT)
+        seen = d.PresenceObserved(1, 2, present=present, stamp=at_s, cause=d.Cause.ATTEMPT)
         events.append(StampedEvent(int(at_s * 10), at_s, GraphChanged(seen, query=0, attempt=number)))
     return events
 
 
 def test_what_was_observed_of_an_edge_is_found_in_its_recording() -> None:
     timeline = Timeline.of(run_with(OPENED))
-    found = observed_presence(timeline, 1, 2)
+    found = h.observed_presence(timeline, 1, 2)
     assert [each.observation for each in found] == OPENED
     assert [each.attempt for each in found] == [0, 1, 2]
-    assert observed_presence(timeline, 1, 2, found[1].instant) == found[:2]
-    assert not observed_presence(timeline, 2, 1)
+    assert h.observed_presence(timeline, 1, 2, found[1].instant) == found[:2]
+    assert not h.observed_presence(timeline, 2, 1)
 
 
 def test_the_strip_tells_what_was_known_at_each_time_and_not_later() -> None:
-    strip = presence_strip(OPENED, PERSISTENT, [0.0, 101.0, 701.0, 3999.0, 4001.0])
-    assert strip.states[0] is PresenceState.OPEN
-    assert strip.states[1:3] == (PresenceState.CLOSED, PresenceState.CLOSED)
-    assert strip.states[3] is PresenceState.UNKNOWN
-    assert strip.states[4] is PresenceState.OPEN
-    assert presence_strip(CLOSED_TWICE, PERSISTENT, strip.times_s[:4]).probabilities == strip.probabilities[:4]
+    strip = h.presence_strip(OPENED, PERSISTENT, [0.0, 101.0, 701.0, 3999.0, 4001.0])
+    assert strip.states[0] is h.PresenceState.OPEN
+    assert strip.states[1:3] == (h.PresenceState.CLOSED, h.PresenceState.CLOSED)
+    assert strip.states[3] is h.PresenceState.UNKNOWN
+    assert strip.states[4] is h.PresenceState.OPEN
+    assert h.presence_strip(CLOSED_TWICE, PERSISTENT, strip.times_s[:4]).probabilities == strip.probabilities[:4]
 
 
 def test_a_closed_edge_is_expected_back_and_an_open_one_is_not() -> None:
-    back_s = expected_open_s(CLOSED_TWICE, PERSISTENT, 701.0)
+    back_s = h.expected_open_s(CLOSED_TWICE, PERSISTENT, 701.0)
     assert back_s is not None
-    before, after = presence_strip(CLOSED_TWICE, PERSISTENT, [back_s * 0.8, back_s * 1.1]).states
-    assert (before, after) == (PresenceState.UNKNOWN, PresenceState.OPEN)
-    assert expected_open_s(OPENED, PERSISTENT, 4001.0) is None
+    before, after = h.presence_strip(CLOSED_TWICE, PERSISTENT, [back_s * 0.8, back_s * 1.1]).states
+    assert (before, after) == (h.PresenceState.UNKNOWN, h.PresenceState.OPEN)
+    assert h.expected_open_s(OPENED, PERSISTENT, 4001.0) is None
 
 
 def test_another_hour_is_another_answer_where_something_happens_every_day() -> None:
     graph = TopologicalGraph([each.event.delta for each in run_with([]) if isinstance(each.event, GraphChanged)])
     for hour in range(96):
         open_now = 8 <= hour % 24 < 20
-        graph.apply(PresenceObserved(1, 2, present=open_now, stamp=hour * 3600.0, cause=Cause.SIGHT))
-    noon, night = (presence_as_if(graph, FREMEN, (96 + hour) * 3600.0)[1, 2] for hour in (14, 26))
+        graph.apply(d.PresenceObserved(1, 2, present=open_now, stamp=hour * 3600.0, cause=d.Cause.SIGHT))
+    noon, night = (h.presence_as_if(graph, FREMEN, (96 + hour) * 3600.0)[1, 2] for hour in (14, 26))
     assert noon > 0.7 > 0.3 > night
 
 
@@ -112,10 +84,10 @@ EIGHT = 8 * HOUR
 
 def through_the_door(around: float) -> list[GraphChanged]:
     """Return a map with a way 0, 1, 2 by the door 1 -> 2, and one by 3 that is `around` long."""
-    graph = [GraphChanged(NodeAdded(Node(k, PoseRow(0, 0, 0)), Cause.BUILD)) for k in range(4)]
+    graph = [GraphChanged(d.NodeAdded(d.Node(k, d.PoseRow(0, 0, 0)), d.Cause.BUILD)) for k in range(4)]
     for source, target, mu in ((0, 1, 0.5), (1, 2, 0.5), (0, 3, around / 2), (3, 2, around / 2), (1, 0, 0.5)):
-        edge = Edge(source, target, PoseRow(mu, 0, 0), Belief(0.99, mu, 0.02))
-        graph.append(GraphChanged(EdgeAdded(edge, Cause.BUILD)))
+        edge = d.Edge(source, target, d.PoseRow(mu, 0, 0), d.Belief(0.99, mu, 0.02))
+        graph.append(GraphChanged(d.EdgeAdded(edge, d.Cause.BUILD)))
     return graph
 
 
@@ -123,7 +95,7 @@ def run(around: float, waited_s: float) -> Timeline:
     """Return a run in which the door is seen blocked at 8:00:10, and a plan is made `waited_s` after that."""
     events = [StampedEvent(0, 0.0, event) for event in through_the_door(around)]
     events.append(StampedEvent(0, 0.0, WorldChanged(TimePassed(0.0), at_s=EIGHT)))
-    blocked = PresenceObserved(1, 2, present=False, stamp=EIGHT + 10.0, cause=Cause.ATTEMPT)
+    blocked = d.PresenceObserved(1, 2, present=False, stamp=EIGHT + 10.0, cause=d.Cause.ATTEMPT)
     events.append(StampedEvent(100, 10.0, QueryStarted(0, 2)))
     events.append(StampedEvent(100, 10.0, GraphChanged(blocked, query=0, attempt=0)))
     events.append(StampedEvent(110, 11.0, WorldChanged(TimePassed(waited_s), at_s=EIGHT + 11.0 + waited_s)))
@@ -132,7 +104,7 @@ def run(around: float, waited_s: float) -> Timeline:
     timeline = Timeline.of(events)
     graph = timeline.graph_at()
     open_now = FilteredPresence(PERSISTENT).probabilities(
-        graph, world_time_at(timeline, timeline.instant(len(events) - 1))
+        graph, clock.world_time_at(timeline, timeline.instant(len(events) - 1))
     )
     planner = Planner(graph, ROBUST.planning)
     path = plan_by_presence(planner, 0, 2, {}, open_now, belief_weight=ROBUST.planning.belief_weight)
@@ -140,16 +112,16 @@ def run(around: float, waited_s: float) -> Timeline:
     return timeline
 
 
-def decision(timeline: Timeline) -> PresenceDecision:
+def decision(timeline: Timeline) -> h.PresenceDecision:
     """Return what its last plan chose between."""
-    made = presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT)
+    made = h.presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT)
     assert made is not None
     return made
 
 
 def test_a_try_that_saves_much_is_explained_in_numbers() -> None:
     made = decision(run(around=12.0, waited_s=60.0))
-    said = " ".join(explain_decision(made))
+    said = " ".join(h.explain_decision(made))
     assert made.tried
     assert made.follows_rule
     assert made.tries == 0
@@ -165,24 +137,24 @@ def test_going_around_is_explained_too_where_a_try_is_not_worth_it() -> None:
     assert not made.tried
     assert made.follows_rule
     assert made.expected_saving < 0
-    assert "went around" in " ".join(explain_decision(made))
+    assert "went around" in " ".join(h.explain_decision(made))
 
 
 def test_an_edge_that_is_probably_open_by_now_is_driven_like_any_other() -> None:
     made = decision(run(around=3.0, waited_s=30 * 24 * HOUR))
     assert made.tried
     assert made.counts_as_open
-    assert "so it counted as open" in " ".join(explain_decision(made))
+    assert "so it counted as open" in " ".join(h.explain_decision(made))
 
 
 def test_a_plan_on_whose_way_nothing_was_seen_blocked_needs_no_explanation() -> None:
     timeline = run(around=0.8, waited_s=60.0)
-    assert presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT) is None
+    assert h.presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT) is None
 
 
 def test_later_the_door_is_probably_open_and_the_plan_leads_through_it() -> None:
     timeline = run(around=1.6, waited_s=60.0)
-    now = PresenceMoment(PERSISTENT, world_time_at(timeline, timeline.instant(len(timeline.events) - 1)))
+    now = PresenceMoment(PERSISTENT, clock.world_time_at(timeline, timeline.instant(len(timeline.events) - 1)))
     found = replan(
         timeline.graph_at(), planner_state_at(timeline), ROBUST, [parse_what_if_change("in 2 d")], presence=now
     )
@@ -212,29 +184,29 @@ def test_what_is_no_time_is_answered_with_what_is(text: str) -> None:
 
 def test_a_time_of_day_is_the_next_one_ahead_and_the_last_one_behind() -> None:
     now = 24 * HOUR + 12 * HOUR
-    assert clock_text(time_ahead(parse_world_time("at 18:00"), now)) == "day 2, 18:00"
-    assert clock_text(time_ahead(parse_world_time("at 8:00"), now)) == "day 3, 08:00"
-    assert clock_text(time_behind(parse_world_time("at 18:00"), now)) == "day 1, 18:00"
-    assert clock_text(time_behind(parse_world_time("1 d ago"), now)) == "day 1, 12:00"
+    assert clock.clock_text(clock.time_ahead(clock.parse_world_time("at 18:00"), now)) == "day 2, 18:00"
+    assert clock.clock_text(clock.time_ahead(clock.parse_world_time("at 8:00"), now)) == "day 3, 08:00"
+    assert clock.clock_text(clock.time_behind(clock.parse_world_time("at 18:00"), now)) == "day 1, 18:00"
+    assert clock.clock_text(clock.time_behind(clock.parse_world_time("1 d ago"), now)) == "day 1, 12:00"
     with pytest.raises(OptionError, match="already"):
-        time_ahead(parse_world_time("day 1 9:00"), now)
+        clock.time_ahead(clock.parse_world_time("day 1 9:00"), now)
     with pytest.raises(OptionError, match="only"):
-        time_behind(parse_world_time("day 3 9:00"), now)
+        clock.time_behind(clock.parse_world_time("day 3 9:00"), now)
 
 
 def test_the_clock_of_the_world_goes_on_while_that_of_the_robot_stands_still() -> None:
     timeline = run(around=3.0, waited_s=HOUR)
-    times = [world_time_at(timeline, timeline.instant(number)) for number in range(len(timeline.events))]
+    times = [clock.world_time_at(timeline, timeline.instant(number)) for number in range(len(timeline.events))]
     assert all(earlier <= later for earlier, later in itertools.pairwise(times))
     assert times[-1] == pytest.approx(EIGHT + 12.1 + HOUR)
-    assert 0 < event_count_at(timeline, EIGHT + 30.0) < event_count_at(timeline, EIGHT + 2 * HOUR)
+    assert 0 < clock.event_count_at(timeline, EIGHT + 30.0) < clock.event_count_at(timeline, EIGHT + 2 * HOUR)
 
 
 def test_a_map_where_nothing_was_seen_blocked_differs_by_what_is_closed_in_the_other() -> None:
     timeline = run(around=3.0, waited_s=1.0)
     here, there = timeline.graph_at(), TopologicalGraph([each.delta for each in through_the_door(3.0)])
     same = {edge: edge for edge in there.edges}
-    (change,) = presence_difference((here, EIGHT + 20), (there, 0.0), PERSISTENT, edges=same)
+    (change,) = h.presence_difference((here, EIGHT + 20), (there, 0.0), PERSISTENT, edges=same)
     assert change.edge == (1, 2)
     assert change.now < 0.5 < change.before == 1.0
 
@@ -242,17 +214,16 @@ def test_a_map_where_nothing_was_seen_blocked_differs_by_what_is_closed_in_the_o
 def test_doors_count_as_the_world_and_not_as_presence() -> None:
     events = [StampedEvent(1, 1.0, WorldChanged(DoorMoved(0, is_open=False), at_s=50.0))]
     timeline = Timeline.of(events)
-    assert world_time_at(timeline, timeline.instant(0)._replace(stamp=4.0)) == pytest.approx(53.0)
+    assert clock.world_time_at(timeline, timeline.instant(0)._replace(stamp=4.0)) == pytest.approx(53.0)
     assert timeline.progress_before(1).seen_blocked == 0
 
 
 def test_an_edge_that_left_the_map_is_blocked_no_longer() -> None:
-    blocked = PresenceObserved(1, 2, present=False, stamp=5.0, cause=Cause.SIGHT)
+    blocked = d.PresenceObserved(1, 2, present=False, stamp=5.0, cause=d.Cause.SIGHT)
     made = [GraphChanged(delta) for delta in map_with_edges((1, 2), (2, 1), (5, 6)).deltas()]
-    for leaves in (EdgePruned(1, 2, Cause.ATTEMPT), NodeDropped(2, Cause.HAND), made[0].delta):
+    for leaves in (d.EdgePruned(1, 2, d.Cause.ATTEMPT), d.NodeDropped(2, d.Cause.HAND), made[0].delta):
         events = [*made, GraphChanged(blocked), GraphChanged(leaves)]
         timeline = Timeline.of(StampedEvent(step, float(step), event) for step, event in enumerate(events))
-
         assert timeline.progress_before(len(events) - 1).blocked == {(1, 2)}
         assert (1, 2) not in timeline.graph_at().presence
         assert timeline.progress_before(len(events)).blocked == set()

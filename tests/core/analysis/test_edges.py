@@ -12,14 +12,14 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged
 from ltvn_core.robots.robot_spec import LOCOBOT
-from tests.core.analysis import example_runs
+from tests.core.analysis import example_runs as runs
 from tests.repository import DEMO_DRIVE
 
 LENS = LOCOBOT.camera
 
 
 def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
-    story = edge_history(example_runs.timeline(), 1, 2)
+    story = edge_history(runs.timeline(), 1, 2)
     (life,) = story.lifetimes
     assert (life.added_at.step, life.cause, life.initial_reachability) == (10, Cause.BUILD, 0.9)
     assert [(at.instant.step, at.belief.p, at.attempt) for at in life.beliefs] == [
@@ -33,7 +33,7 @@ def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
 
 
 def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
-    rows = edge_history(example_runs.timeline(), 1, 2).attempts
+    rows = edge_history(runs.timeline(), 1, 2).attempts
     assert [(row.attempt, row.query, row.succeeded, row.changed_belief) for row in rows] == [
         (2, 0, False, True),
         (3, 0, False, False),
@@ -52,28 +52,24 @@ def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
 
 
 def test_plans_through_an_edge_are_counted() -> None:
-    assert [at.step for at in edge_history(example_runs.timeline(), 1, 2).planned_at] == [20, 40, 60, 100]
+    assert [at.step for at in edge_history(runs.timeline(), 1, 2).planned_at] == [20, 40, 60, 100]
 
 
 def test_the_story_up_to_an_instant_knows_nothing_of_what_came_later() -> None:
-    story = edge_history(example_runs.timeline(), 1, 2, until=Instant(60, 6.0))
+    story = edge_history(runs.timeline(), 1, 2, until=Instant(60, 6.0))
     assert story.alive
     assert story.belief is not None
     assert (story.belief.p, len(story.attempts), len(story.planned_at)) == (0.6, 2, 3)
 
 
 def test_an_edge_that_never_was_has_an_empty_story() -> None:
-    story = edge_history(example_runs.timeline(), 5, 99)
+    story = edge_history(runs.timeline(), 5, 99)
     assert (story.lifetimes, story.attempts, story.planned_at, story.alive, story.belief) == ((), (), (), False, None)
 
 
 def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> None:
     dropped = GraphChanged(NodeDropped(2, Cause.HAND))
-    run = [
-        *example_runs.two_failures(),
-        *example_runs.at(190, example_runs.edge(1, 2, cause=Cause.HAND)),
-        *example_runs.at(195, dropped),
-    ]
+    run = [*runs.two_failures(), *runs.at(190, runs.edge(1, 2, cause=Cause.HAND)), *runs.at(195, dropped)]
     first, second = edge_history(Timeline.of(run), 1, 2).lifetimes
     assert first.end is not None
     assert second.end is not None
@@ -81,14 +77,14 @@ def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> Non
 
 
 def test_an_edge_goes_with_its_map_when_another_comes_in() -> None:
-    run = [*example_runs.two_failures(), *example_runs.at(200, example_runs.node(0, cause=Cause.LOAD))]
+    run = [*runs.two_failures(), *runs.at(200, runs.node(0, cause=Cause.LOAD))]
     (life,) = edge_history(Timeline.of(run), 0, 1).lifetimes
     assert life.end is not None
     assert (life.end.instant.step, life.end.whole_map) == (200, True)
 
 
 def test_without_the_map_before_it_an_edge_has_attempts_but_no_life() -> None:
-    story = edge_history(Timeline.of([stamped for stamped in example_runs.two_failures() if stamped.step >= 20]), 1, 2)
+    story = edge_history(Timeline.of([stamped for stamped in runs.two_failures() if stamped.step >= 20]), 1, 2)
     assert (story.lifetimes, len(story.attempts)) == ((), 3)
 
 

@@ -15,7 +15,7 @@ from ltvn_core.data.recording.drawn_poses import DrawnPoses
 from ltvn_core.data.recording.event_drawing import draw_event
 from ltvn_core.graph import deltas as d
 from ltvn_core.navigation import events as e
-from tests.core.analysis import example_runs
+from tests.core.analysis import example_runs as runs
 
 HERE = d.PoseRow(0.0, 0.0, 0.0)
 BELIEF = d.Belief(0.8, 1.0, 0.1)
@@ -93,12 +93,11 @@ def test_a_long_plan_is_told_by_its_first_and_last_nodes() -> None:
 
 
 def test_log_marks_and_debugger_show_the_same_words() -> None:
-    timeline = Timeline.of(example_runs.two_failures())
+    timeline = Timeline.of(runs.two_failures())
     collision = next(mark for mark in timeline.marks if mark.kind is MarkKind.COLLISION)
     event = timeline.events[collision.event].event
     logged = [part for row in draw_event(event, DrawnPoses()) for part in row.values if isinstance(part, rr.TextLog)]
     (failure,) = failed_queries(timeline)
-
     assert collision.text == describe_event(event).text
     assert logged[0].text is not None
     assert logged[0].text.as_arrow_array().to_pylist() == [collision.text]

@@ -10,63 +10,55 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import (
-    Event,
-    GraphChanged,
-    Judged,
-    Note,
-    Planned,
-    QueryStarted,
-    StampedEvent,
-)
-from tests.core.analysis import example_runs
+from ltvn_core.navigation import events as e
+from tests.core.analysis import example_runs as runs
 
 NODES = st.integers(0, 5)
 CAUSES = st.sampled_from([Cause.LOAD, Cause.BUILD, Cause.ONLINE, Cause.HAND])
 
 
 @st.composite
-def map_changes(draw: st.DrawFn) -> GraphChanged:
+def map_changes(draw: st.DrawFn) -> e.GraphChanged:
     """One change of a map; many of them do not fit, as in a recording that lost some."""
     first, second = draw(NODES), draw(NODES)
     match draw(st.sampled_from(["node", "edge", "edge", "belief", "prune", "drop"])):
         case "node":
-            return example_runs.node(first, float(first), draw(CAUSES))
+            return runs.node(first, float(first), draw(CAUSES))
         case "edge":
-            return example_runs.edge(first, second, cause=draw(CAUSES))
+            return runs.edge(first, second, cause=draw(CAUSES))
         case "belief":
             belief = Belief(draw(st.floats(0.0, 1.0)), 1.0, 0.1)
-            return GraphChanged(BeliefUpdated(first, second, belief, attempts=1, successes=0, cause=Cause.ATTEMPT))
+            return e.GraphChanged(BeliefUpdated(first, second, belief, attempts=1, successes=0, cause=Cause.ATTEMPT))
         case "prune":
-            return GraphChanged(EdgePruned(first, second, Cause.ATTEMPT))
+            return e.GraphChanged(EdgePruned(first, second, Cause.ATTEMPT))
         case _:
-            return GraphChanged(NodeDropped(first, Cause.HAND))
+            return e.GraphChanged(NodeDropped(first, Cause.HAND))
 
 
 @st.composite
-def navigation_events(draw: st.DrawFn) -> Event:
+def navigation_events(draw: st.DrawFn) -> e.Event:
     """One event of navigation, whether or not it belongs to what came before."""
     query, source, target = draw(st.integers(0, 2)), draw(NODES), draw(NODES)
-    started = example_runs.attempt_started(query, draw(st.integers(0, 3)), source, target, 0)
+    started = runs.attempt_started(query, draw(st.integers(0, 3)), source, target, 0)
     return draw(
         st.sampled_from(
             [
-                QueryStarted(query, target),
-                example_runs.localised(query, 0, source),
-                Planned(query, (source, target), 1.0),
+                e.QueryStarted(query, target),
+                runs.localised(query, 0, source),
+                e.Planned(query, (source, target), 1.0),
                 started,
-                example_runs.arrived(started, 0),
-                example_runs.failed(started, 0),
-                example_runs.ended(query, target),
-                Judged(query, reached=True, position_error_m=0.1, yaw_error_rad=0.0),
-                Note("something to read"),
+                runs.arrived(started, 0),
+                runs.failed(started, 0),
+                runs.ended(query, target),
+                e.Judged(query, reached=True, position_error_m=0.1, yaw_error_rad=0.0),
+                e.Note("something to read"),
             ]
         )
     )
 
 
-def stamped(events: list[Event], steps: list[int]) -> list[StampedEvent]:
-    return [StampedEvent(step, 0.1 * step, event) for step, event in zip(steps, events, strict=False)]
+def stamped(events: list[e.Event], steps: list[int]) -> list[e.StampedEvent]:
+    return [e.StampedEvent(step, 0.1 * step, event) for step, event in zip(steps, events, strict=False)]
 
 
 EVENTS = st.lists(map_changes() | navigation_events(), max_size=40)
@@ -74,7 +66,7 @@ IN_ORDER = st.builds(stamped, EVENTS, st.lists(st.integers(0, 30), min_size=40, 
 IN_DISORDER = st.builds(stamped, EVENTS, st.lists(st.integers(0, 30), min_size=40, max_size=40))
 
 
-def grown(run: list[StampedEvent]) -> Timeline:
+def grown(run: list[e.StampedEvent]) -> Timeline:
     timeline = Timeline()
     for event in run:
         timeline.append_event(event)
@@ -112,12 +104,12 @@ def everything(timeline: Timeline) -> list[object]:
 
 
 @given(IN_ORDER | IN_DISORDER)
-def test_a_run_that_grew_equals_the_recording_of_it(run: list[StampedEvent]) -> None:
+def test_a_run_that_grew_equals_the_recording_of_it(run: list[e.StampedEvent]) -> None:
     assert everything(grown(run)) == everything(Timeline.of(run))
 
 
 @given(IN_ORDER, st.integers(0, 40))
-def test_a_copy_stays_as_it_was_while_the_run_goes_on(run: list[StampedEvent], cut: int) -> None:
+def test_a_copy_stays_as_it_was_while_the_run_goes_on(run: list[e.StampedEvent], cut: int) -> None:
     timeline = grown(run[:cut])
     copy = timeline.copy()
     for event in run[cut:]:
@@ -126,7 +118,7 @@ def test_a_copy_stays_as_it_was_while_the_run_goes_on(run: list[StampedEvent], c
 
 
 @given(IN_ORDER | IN_DISORDER)
-def test_what_is_drawn_is_the_map_at_every_event(run: list[StampedEvent]) -> None:
+def test_what_is_drawn_is_the_map_at_every_event(run: list[e.StampedEvent]) -> None:
     timeline = Timeline.of(run)
     for event in range(len(run) + 1):
         version = timeline.change_count_before(event)
@@ -134,7 +126,7 @@ def test_what_is_drawn_is_the_map_at_every_event(run: list[StampedEvent]) -> Non
 
 
 @given(IN_DISORDER, st.lists(st.floats(-5.0, 5.0), min_size=40, max_size=40))
-def test_time_never_runs_back(run: list[StampedEvent], jitter: list[float]) -> None:
+def test_time_never_runs_back(run: list[e.StampedEvent], jitter: list[float]) -> None:
     timeline = grown([event._replace(stamp=event.stamp + late) for event, late in zip(run, jitter, strict=False)])
     instants = [timeline.instant(event) for event in range(len(run))]
     assert [instant.stamp for instant in instants] == sorted(instant.stamp for instant in instants)
@@ -147,11 +139,11 @@ def test_each_loaded_map_begins_an_epoch_with_nothing_left_of_the_one_before(map
     run = [
         event
         for step, nodes in enumerate(maps)
-        for event in example_runs.at(
+        for event in runs.at(
             step,
-            *(example_runs.node(node, cause=Cause.LOAD) for node in nodes),
+            *(runs.node(node, cause=Cause.LOAD) for node in nodes),
             # An edge ends the nodes of a file, so that the next node begins another map.
-            *(example_runs.edge(nodes[0], node, cause=Cause.LOAD) for node in (*nodes[1:], 99)[:1]),
+            *(runs.edge(nodes[0], node, cause=Cause.LOAD) for node in (*nodes[1:], 99)[:1]),
         )
     ]
     timeline = Timeline.of(run)
@@ -164,25 +156,21 @@ def test_each_loaded_map_begins_an_epoch_with_nothing_left_of_the_one_before(map
 
 
 def test_after_a_second_map_comes_in_nothing_of_the_first_is_drawn_and_nothing_fades() -> None:
-    second = [
-        example_runs.node(0, cause=Cause.LOAD),
-        example_runs.node(7, cause=Cause.LOAD),
-        example_runs.edge(0, 7, cause=Cause.LOAD),
-    ]
-    timeline = Timeline.of([*example_runs.two_failures(), *example_runs.at(200, *second)])
+    second = [runs.node(0, cause=Cause.LOAD), runs.node(7, cause=Cause.LOAD), runs.edge(0, 7, cause=Cause.LOAD)]
+    timeline = Timeline.of([*runs.two_failures(), *runs.at(200, *second)])
     version = len(timeline.changes)
     assert drawn(timeline.drawing.at(version)) == ([0, 7], {(0, 7): 0.9})
     assert not len(timeline.drawing.removed_edges(version, 20.0, 3.0).ages_s)
 
 
 def test_a_node_is_drawn_where_its_image_was_taken() -> None:
-    run = example_runs.at(1, example_runs.node(0, 5.0), example_runs.node(1, 6.0))
+    run = runs.at(1, runs.node(0, 5.0), runs.node(1, 6.0))
     timeline = Timeline.of(run, frames=[(0, 0.0, np.array([1.0, 2.0, 0.5]))])
     np.testing.assert_allclose(timeline.drawing.at(2).poses, [[1.0, 2.0, 0.5], [6.0, 0.0, 0.0]])
 
 
 def test_images_of_a_map_that_was_loaded_before_are_not_driven_in_this_run() -> None:
-    run = example_runs.at(3, example_runs.node(0, cause=Cause.LOAD))
+    run = runs.at(3, runs.node(0, cause=Cause.LOAD))
     poses = [(step, 0.1 * step, np.array([float(step), 0.0, 0.0])) for step in range(6)]
     timeline = Timeline.of(run, poses)
     assert len(timeline.frames) == 2

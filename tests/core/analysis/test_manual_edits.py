@@ -10,19 +10,7 @@ from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import LtvnError
-from ltvn_core.graph.deltas import (
-    Belief,
-    Cause,
-    Edge,
-    EdgeAdded,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PoseRow,
-    PresenceObserved,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.maintenance import AttemptEvidence, update_edge
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
@@ -33,17 +21,17 @@ BELIEVING = ROBUST.believing
 
 def corridor() -> TopologicalGraph:
     """Three places a metre apart, joined ahead."""
-    graph = TopologicalGraph(NodeAdded(Node(k, PoseRow(float(k), 0.0, 0.0)), Cause.BUILD) for k in range(3))
+    graph = TopologicalGraph(d.NodeAdded(d.Node(k, d.PoseRow(float(k), 0.0, 0.0)), d.Cause.BUILD) for k in range(3))
     for k in range(2):
-        belief = Belief(BELIEVING.p_cap, 1.0, BELIEVING.sigma2)
-        graph.apply(EdgeAdded(Edge(k, k + 1, PoseRow(1.0, 0.0, 0.0), belief), Cause.BUILD))
+        belief = d.Belief(BELIEVING.p_cap, 1.0, BELIEVING.sigma2)
+        graph.apply(d.EdgeAdded(d.Edge(k, k + 1, d.PoseRow(1.0, 0.0, 0.0), belief), d.Cause.BUILD))
     return graph
 
 
-def undone(deltas: Iterable[GraphDelta], before: TopologicalGraph) -> list[GraphDelta]:
+def undone(deltas: Iterable[d.GraphDelta], before: TopologicalGraph) -> list[d.GraphDelta]:
     """The deltas that lead from the map after `deltas` back to the one before."""
     graph = before.copy()
-    back: list[GraphDelta] = []
+    back: list[d.GraphDelta] = []
     for delta in deltas:
         back = [*manual_edits.inverse_deltas(delta, graph), *back]
         graph.apply(delta)
@@ -53,16 +41,14 @@ def undone(deltas: Iterable[GraphDelta], before: TopologicalGraph) -> list[Graph
 def test_a_removed_edge_comes_back_as_it_was_and_can_be_removed_again() -> None:
     graph = corridor()
     graph.apply(manual_edits.protect_edge(graph, 0, 1))
-    graph.apply(PresenceObserved(0, 1, present=False, stamp=3.0, cause=Cause.ATTEMPT))
+    graph.apply(d.PresenceObserved(0, 1, present=False, stamp=3.0, cause=d.Cause.ATTEMPT))
     before, cut = graph.copy(), manual_edits.remove_edge(graph, 0, 1)
-
     back = undone([cut], before)
     graph.apply(cut)
     again = undone(back, graph)
     removed = graph.copy()
     for delta in back:
         graph.apply(delta)
-
     assert graph == before
     for delta in again:
         graph.apply(delta)
@@ -113,13 +99,11 @@ def test_a_map_from_before_names_existed_still_opens() -> None:
 
 def test_edits_of_nodes_in_an_earlier_recording_still_open_but_are_not_taken_back(tmp_path: Path) -> None:
     graph = corridor()
-    made = [NodeNamed(1, "kitchen", goal=True, cause=Cause.HAND), NodeDropped(2, Cause.HAND)]
+    made = [d.NodeNamed(1, "kitchen", goal=True, cause=d.Cause.HAND), d.NodeDropped(2, d.Cause.HAND)]
     with RecordingWriter(tmp_path / "map.rrd", scene="demo", config={}, fingerprint="") as writer:
         for delta in (*graph.deltas(), *made):
             writer.write_event(StampedEvent(0, 0.0, GraphChanged(delta)))
-
     read = Recording.open(tmp_path / "map.rrd").final_graph()
-
     assert (read.nodes[1].name, read.nodes[1].goal) == ("kitchen", True)
     assert 2 not in read.nodes
     assert [manual_edits.inverse_deltas(delta, graph) for delta in made] == [(), ()]

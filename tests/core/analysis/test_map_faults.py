@@ -17,10 +17,8 @@ def test_only_an_edge_that_leads_elsewhere_than_odometry_is_contradicted() -> No
     graph = demo_graph()
     assert contradicted_edges(graph) == ()
     edge = next(iter(graph.edges.values()))
-
     graph.apply(EdgePruned(edge.source, edge.target, Cause.LOAD))
     graph.apply(EdgeAdded(replace(edge, waypoint=PoseRow(6.0, 0.0, 0.0)), Cause.LOAD))
-
     (found,) = contradicted_edges(graph)
     assert found.edge == (edge.source, edge.target)
     assert found.length_m == 6.0
@@ -32,10 +30,8 @@ def test_a_map_in_two_parts_has_a_gap_that_is_narrowest_between_them() -> None:
     goal = next(iter(graph.nodes))
     start = next(node for node in graph.nodes if (node, goal) in graph.edges)
     assert map_gap(graph, start, goal) is None
-
     for edge in [edge for edge in graph.edges if goal in edge]:
         graph.apply(EdgePruned(*edge, Cause.LOAD))
-
     gap = map_gap(graph, start, goal)
     assert gap is not None
     assert gap.leading == 1

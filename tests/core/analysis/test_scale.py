@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ltvn_core.analysis import edge_explanation
+from ltvn_core.analysis import edge_explanation as why
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.lifelong_success import lifelong_success
@@ -13,7 +13,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.config import PAPER
 from ltvn_core.navigation.events import Outcome, Planned, QueryStarted, StampedEvent
-from tests.core.analysis import example_runs
+from tests.core.analysis import example_runs as runs
 
 NODES, SPAN, LEGS, QUERIES = 10_000, 5, 80, 100
 PER_QUERY = 2 + LEGS * 5 + 1
@@ -22,30 +22,27 @@ PER_QUERY = 2 + LEGS * 5 + 1
 @pytest.fixture(scope="module")
 def events() -> list[StampedEvent]:
     """A long corridor that is driven up and down its first nodes, with a failure at the end of every tenth query."""
-    nodes = example_runs.at(0, *(example_runs.node(frame, float(frame)) for frame in range(NODES)))
+    nodes = runs.at(0, *(runs.node(frame, float(frame)) for frame in range(NODES)))
     pairs = [(node, node + ahead) for node in range(NODES) for ahead in range(1, SPAN + 1) if node + ahead < NODES]
-    edges = example_runs.at(0, *(example_runs.edge(source, target, mu=target - source) for source, target in pairs))
+    edges = runs.at(0, *(runs.edge(source, target, mu=target - source) for source, target in pairs))
     return [*nodes, *edges, *itertools.chain.from_iterable(map(_query, range(QUERIES)))]
 
 
 def _query(number: int) -> list[StampedEvent]:
     step, run = 1 + number * 1000, list[StampedEvent]()
-    run += example_runs.at(step, QueryStarted(number, LEGS))
+    run += runs.at(step, QueryStarted(number, LEGS))
     failing = number % 10 == 9
     for node in range(LEGS):
         attempt, step = number * LEGS + node, step + 10
         plan = Planned(number, tuple(range(node, LEGS + 1)), float(LEGS - node))
-        drive = example_runs.attempt_started(number, attempt, node, node + 1, step)
+        drive = runs.attempt_started(number, attempt, node, node + 1, step)
         wrong = failing and node == LEGS - 1
-        done = example_runs.failed(drive, step + 9) if wrong else example_runs.arrived(drive, step + 9)
+        done = runs.failed(drive, step + 9) if wrong else runs.arrived(drive, step + 9)
         counts = (number + 1, number + 1 - number // 10)
-        lesson = example_runs.belief(node, node + 1, 0.9, counts, (number, attempt))
-        run += [
-            *example_runs.at(step, example_runs.localised(number, step, node), plan, drive),
-            *example_runs.at(step + 9, done, lesson),
-        ]
+        lesson = runs.belief(node, node + 1, 0.9, counts, (number, attempt))
+        run += [*runs.at(step, runs.localised(number, step, node), plan, drive), *runs.at(step + 9, done, lesson)]
     outcome = Outcome.STEP_LIMIT if failing else Outcome.ARRIVED
-    return [*run, *example_runs.at(step + 10, example_runs.ended(number, LEGS, outcome))]
+    return [*run, *runs.at(step + 10, runs.ended(number, LEGS, outcome))]
 
 
 def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent]) -> None:
@@ -56,8 +53,8 @@ def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent
     assert len(timeline.graph_at().edges) == 49_985
     story = edge_history(timeline, LEGS - 1, LEGS)
     assert (len(story.attempts), len(story.planned_at)) == (QUERIES, QUERIES * LEGS)
-    assert len(edge_explanation.explain_pruned_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
-    assert len(edge_explanation.explain_planned_edge(timeline, 0, 1, PAPER.planning)) == 3
+    assert len(why.explain_pruned_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
+    assert len(why.explain_planned_edge(timeline, 0, 1, PAPER.planning)) == 3
     assert len(failed_queries(timeline)) == QUERIES // 10
     assert lifelong_success(timeline).edges.tolist() == [49_985] * QUERIES
 

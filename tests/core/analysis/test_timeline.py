@@ -6,9 +6,8 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
-from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
-from tests.core.analysis import example_runs
+from tests.core.analysis import example_runs as runs
 from tests.repository import DEMO_DRIVE, DEMO_MAP
 
 
@@ -40,7 +39,7 @@ def test_a_map_file_has_no_queries_and_one_map() -> None:
 
 
 def test_marks_tell_what_a_slider_should_show() -> None:
-    marks = [(mark.kind, mark.instant.step) for mark in example_runs.timeline().marks]
+    marks = [(mark.kind, mark.instant.step) for mark in runs.timeline().marks]
     assert (MarkKind.PRUNE, 140) in marks
     assert (MarkKind.COLLISION, 55) in marks
     assert [step for kind, step in marks if kind is MarkKind.FAILURE] == [60, 80, 140]
@@ -49,7 +48,7 @@ def test_marks_tell_what_a_slider_should_show() -> None:
 
 
 def test_one_can_step_by_mark_by_event_and_by_query() -> None:
-    timeline, start = example_runs.timeline(), Instant(20, 2.0)
+    timeline, start = runs.timeline(), Instant(20, 2.0)
     prune = timeline.next_mark(start, MarkKind.PRUNE)
     assert prune is not None
     assert (prune.ids, prune.instant.step) == ((1, 2), 140)
@@ -70,38 +69,28 @@ def test_one_can_step_by_mark_by_event_and_by_query() -> None:
 
 
 def test_an_attempt_knows_where_the_robot_thought_it_was_and_what_it_touched() -> None:
-    attempt = example_runs.timeline().attempts_of_edge(1, 2)[0]
+    attempt = runs.timeline().attempts_of_edge(1, 2)[0]
     assert attempt.localised is not None
     assert attempt.localised.node == 1
     assert (attempt.collisions, attempt.failed) == (1, True)
 
 
 def test_an_attempt_to_a_subgoal_farther_ahead_drives_all_edges_on_the_way() -> None:
-    far = example_runs.attempt_started(0, 1, 0, 2, 20)
-    run = [*example_runs.square(), *example_runs.at(20, QueryStarted(0, 2), Planned(0, (0, 1, 2), 2.0), far)]
+    far = runs.attempt_started(0, 1, 0, 2, 20)
+    run = [*runs.square(), *runs.at(20, QueryStarted(0, 2), Planned(0, (0, 1, 2), 2.0), far)]
     assert Timeline.of(run).attempts[0].edges == ((0, 1), (1, 2))
 
 
 def test_events_in_disorder_are_put_in_order_and_a_note_says_so() -> None:
-    run = example_runs.two_failures()
+    run = runs.two_failures()
     mixed = [*run[:20], *run[30:], *run[20:30]]
     timeline = Timeline.of(mixed)
     assert list(timeline.events) == run
     assert any("after a later one" in note for note in timeline.notes)
 
 
-@pytest.mark.parametrize("length", range(0, 40, 3))
-def test_a_run_cut_anywhere_is_told_as_far_as_it_goes(length: int) -> None:
-    run = example_runs.two_failures()[:length]
-    timeline = Timeline.of(run)
-    assert len(timeline.events) == len(run)
-    assert timeline.graph_at() == TopologicalGraph(
-        stamped.event.delta for stamped in run if isinstance(stamped.event, GraphChanged)
-    )
-
-
 def test_a_query_that_is_cut_has_no_end_and_neither_failed_nor_succeeded() -> None:
-    run = [stamped for stamped in example_runs.two_failures() if stamped.step <= 60]
+    run = [stamped for stamped in runs.two_failures() if stamped.step <= 60]
     (query,) = Timeline.of(run).queries
     assert (query.end, query.outcome, query.succeeded) == (None, None, None)
     assert query.attempts[-1].ended is None
@@ -109,30 +98,22 @@ def test_a_query_that_is_cut_has_no_end_and_neither_failed_nor_succeeded() -> No
 
 
 def test_a_query_begun_before_the_last_one_ended_cuts_it() -> None:
-    run = [
-        stamped
-        for stamped in example_runs.two_failures()
-        if not isinstance(stamped.event, QueryEnded) or stamped.step > 80
-    ]
+    run = [stamped for stamped in runs.two_failures() if not isinstance(stamped.event, QueryEnded) or stamped.step > 80]
     first, second = Timeline.of(run).queries
     assert (first.succeeded, second.succeeded) == (None, True)
     assert first.last < second.first
 
 
 def test_ends_without_a_beginning_are_left_out_with_a_note() -> None:
-    timeline = Timeline.of([stamped for stamped in example_runs.two_failures() if stamped.step > 120])
+    timeline = Timeline.of([stamped for stamped in runs.two_failures() if stamped.step > 120])
     assert (timeline.queries, len(timeline.attempts)) == ((), 1)
     assert len(timeline.notes) == 3
 
 
 def test_a_second_map_begins_a_new_epoch_and_time_travel_does_not_mix_them() -> None:
-    second = [example_runs.node(frame, cause=Cause.LOAD) for frame in (0, 7)] + [
-        example_runs.edge(0, 7, cause=Cause.LOAD)
-    ]
-    third = [example_runs.node(0, cause=Cause.LOAD)]
-    timeline = Timeline.of(
-        [*example_runs.two_failures(), *example_runs.at(200, *second), *example_runs.at(201, *third)]
-    )
+    second = [runs.node(frame, cause=Cause.LOAD) for frame in (0, 7)] + [runs.edge(0, 7, cause=Cause.LOAD)]
+    third = [runs.node(0, cause=Cause.LOAD)]
+    timeline = Timeline.of([*runs.two_failures(), *runs.at(200, *second), *runs.at(201, *third)])
     assert len(timeline.epochs) == 3
     assert set(timeline.graph_at(Instant(190, 0.0)).nodes) == {0, 1, 2, 3}
     assert set(timeline.graph_at(Instant(200, 0.0)).edges) == {(0, 7)}
@@ -141,7 +122,7 @@ def test_a_second_map_begins_a_new_epoch_and_time_travel_does_not_mix_them() -> 
 
 
 def test_edges_added_and_pruned_are_counted_anew_for_a_new_map() -> None:
-    make = example_runs
+    make = runs
     pruned = GraphChanged(EdgePruned(1, 2, Cause.ATTEMPT))
     events = [
         *make.at(0, make.node(1), make.node(2), make.edge(1, 2)),
@@ -161,32 +142,9 @@ def test_nothing_at_all_is_a_timeline_too() -> None:
     assert len(timeline.graph_at().nodes) == 0
 
 
-def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None:
-    run, growing, told = example_runs.two_failures(), Timeline(), list[Timeline]()
-    for stamped in run:
-        growing.append_event(stamped)
-        told.append(growing.copy())
-    for length, timeline in enumerate(told, 1):
-        expected = Timeline.of(run[:length])
-        rows = [(line.queries, line.attempts, line.plans, line.changes, line.marks) for line in (timeline, expected)]
-        assert rows[0] == rows[1]
-        assert (timeline.notes, timeline.epochs) == (expected.notes, expected.epochs)
-        assert timeline.changes_of_edge(1, 2) == expected.changes_of_edge(1, 2)
-        assert timeline.changes_of_node(2) == expected.changes_of_node(2)
-        assert timeline.attempts_of_edge(1, 2) == expected.attempts_of_edge(1, 2)
-
-
-def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
-    run, growing = example_runs.two_failures(), Timeline()
-    for stamped in [*run[:20], *run[30:], *run[20:30]]:
-        growing.append_event(stamped)
-    assert list(growing.events) == run
-    assert len(growing.events) == len(run)
-
-
 def test_time_travel_to_and_fro_over_many_changes_gives_the_same_maps_and_none_spoils_another() -> None:
-    nodes = [example_runs.at(step, example_runs.node(step, cause=Cause.ONLINE)) for step in range(25_000)]
-    fresh = example_runs.at(25_000, example_runs.node(0, cause=Cause.LOAD), example_runs.node(1, cause=Cause.LOAD))
+    nodes = [runs.at(step, runs.node(step, cause=Cause.ONLINE)) for step in range(25_000)]
+    fresh = runs.at(25_000, runs.node(0, cause=Cause.LOAD), runs.node(1, cause=Cause.LOAD))
     timeline = Timeline.of([*(stamped for row in nodes for stamped in row), *fresh])
     for step in (24_999, 10_000, 9_999, 3, 20_000, 24_999):
         graph = timeline.graph_at(Instant(step, 0.0))

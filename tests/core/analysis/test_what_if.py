@@ -7,33 +7,16 @@ from functools import cache
 
 import pytest
 
+from ltvn_core.analysis import what_if_changes as w
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.analysis.what_if_changes import (
-    WhatIfChange,
-    WhatIfThreshold,
-    WithBelief,
-    WithEdge,
-    WithGoal,
-    WithoutEdge,
-    WithStart,
-    WithThreshold,
-)
 from ltvn_core.analysis.what_if_scenario import PlannerState, planner_state_at, replan
 from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import (
-    AttemptEnd,
-    AttemptEnded,
-    GraphChanged,
-    Localised,
-    Planned,
-    QueryStarted,
-    StampedEvent,
-)
+from ltvn_core.navigation import events as e
 from ltvn_core.systems.registry import open_system
 from tests.repository import DEMO_DRIVE
 
@@ -54,21 +37,21 @@ SURE = Belief(0.9, 0.1, 0.02)
 @pytest.mark.parametrize(
     ("change", "nodes"),
     [
-        (WithoutEdge(0, 1), (0, 2, 3)),
-        (WithEdge(0, 3, SURE), (0, 3)),
-        (WithEdge(0, 1, Belief(0.9, 9.0, 0.02)), (0, 2, 3)),
-        (WithBelief(1, 3, p=0.1), (0, 2, 3)),
-        (WithBelief(1, 3, mu=4.0), (0, 2, 3)),
-        (WithGoal(1), (0, 1)),
-        (WithGoal(4), ()),
-        (WithStart(2), (2, 3)),
-        (WithThreshold(WhatIfThreshold.D_C, 0.7), (0, 1, 3)),
-        (WithThreshold(WhatIfThreshold.D_C, 0.4), ()),
-        (WithThreshold(WhatIfThreshold.R_P, 0.95), ()),
-        (WithThreshold(WhatIfThreshold.BELIEF_WEIGHT, 0.0), (0, 1, 3)),
+        (w.WithoutEdge(0, 1), (0, 2, 3)),
+        (w.WithEdge(0, 3, SURE), (0, 3)),
+        (w.WithEdge(0, 1, Belief(0.9, 9.0, 0.02)), (0, 2, 3)),
+        (w.WithBelief(1, 3, p=0.1), (0, 2, 3)),
+        (w.WithBelief(1, 3, mu=4.0), (0, 2, 3)),
+        (w.WithGoal(1), (0, 1)),
+        (w.WithGoal(4), ()),
+        (w.WithStart(2), (2, 3)),
+        (w.WithThreshold(w.WhatIfThreshold.D_C, 0.7), (0, 1, 3)),
+        (w.WithThreshold(w.WhatIfThreshold.D_C, 0.4), ()),
+        (w.WithThreshold(w.WhatIfThreshold.R_P, 0.95), ()),
+        (w.WithThreshold(w.WhatIfThreshold.BELIEF_WEIGHT, 0.0), (0, 1, 3)),
     ],
 )
-def test_a_change_leads_to_the_plan_one_expects(change: WhatIfChange, nodes: tuple[int, ...]) -> None:
+def test_a_change_leads_to_the_plan_one_expects(change: w.WhatIfChange, nodes: tuple[int, ...]) -> None:
     graph = diamond()
     found = replan(graph, ASKED, ROBUST, [change])
     assert found.old.nodes == (0, 1, 3)
@@ -79,12 +62,12 @@ def test_a_change_leads_to_the_plan_one_expects(change: WhatIfChange, nodes: tup
 
 
 def test_a_baseline_plans_with_its_own_weights() -> None:
-    assert replan(diamond(), ASKED, ROBUST, [WithBelief(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
+    assert replan(diamond(), ASKED, ROBUST, [w.WithBelief(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
     found = replan(
         diamond(),
         ASKED,
         ROBUST,
-        [WithBelief(0, 1, mu=9.0), WithThreshold(WhatIfThreshold.BELIEF_WEIGHT, 2.0)],
+        [w.WithBelief(0, 1, mu=9.0), w.WithThreshold(w.WhatIfThreshold.BELIEF_WEIGHT, 2.0)],
         edge_weight_of=lambda method: open_system("sptm", method).edge_weight,
     )
     assert found.new.cost == 2.0
@@ -94,12 +77,12 @@ def test_a_baseline_plans_with_its_own_weights() -> None:
 
 def test_a_path_costs_what_its_edges_cost() -> None:
     failed = PlannerState(0, 3, {(0, 1): 2})
-    found = replan(diamond(), failed, ROBUST, [WithThreshold(WhatIfThreshold.FAILURE_PENALTY, 0.0)])
+    found = replan(diamond(), failed, ROBUST, [w.WithThreshold(w.WhatIfThreshold.FAILURE_PENALTY, 0.0)])
     assert found.old.nodes == (0, 2, 3)
     assert found.new.nodes == (0, 1, 3)
     for path, edges in ((found.old, found.old_edges), (found.new, found.new_edges)):
         assert sum(edge.mu + edge.doubt + edge.penalty for edge in edges) == pytest.approx(path.cost)
-    assert replan(diamond(), failed, ROBUST, [WithoutEdge(0, 2)]).new_edges[0].penalty == 4.0
+    assert replan(diamond(), failed, ROBUST, [w.WithoutEdge(0, 2)]).new_edges[0].penalty == 4.0
 
 
 def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_supports() -> None:
@@ -108,7 +91,7 @@ def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_suppor
     graph.apply(EdgePruned(0, 1, Cause.HAND))
     graph.apply(EdgeAdded(replace(supported, by_odometry=True), Cause.BUILD))
     for place_p, penalty in ((0.9, 0.0), (0.3, 3.0)):
-        look = Localised(
+        look = e.Localised(
             query=0,
             frame=1,
             node=0,
@@ -119,12 +102,12 @@ def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_suppor
             scope="local",
             probability=place_p,
         )
-        found = replan(graph, PlannerState(0, 1, localised=look), ROBUST, [WithoutEdge(2, 3)])
+        found = replan(graph, PlannerState(0, 1, localised=look), ROBUST, [w.WithoutEdge(2, 3)])
         assert sum(part.penalty for part in found.old_edges) == penalty
 
 
 @cache
-def demo() -> tuple[Recording, list[StampedEvent]]:
+def demo() -> tuple[Recording, list[e.StampedEvent]]:
     recording = Recording.open(DEMO_DRIVE)
     return recording, recording.events
 
@@ -132,10 +115,10 @@ def demo() -> tuple[Recording, list[StampedEvent]]:
 def test_without_a_change_the_plan_is_the_recorded_one() -> None:
     recording, events = demo()
     method = replace(ROBUST, planning=replace(ROBUST.planning, **recording.meta.config["method"]["planning"]))
-    for k in [k for k, stamped in enumerate(events) if isinstance(stamped.event, Planned)][::5]:
+    for k in [k for k, stamped in enumerate(events) if isinstance(stamped.event, e.Planned)][::5]:
         planned, past = events[k].event, events[:k]
-        assert isinstance(planned, Planned)
-        graph = TopologicalGraph(s.event.delta for s in past if isinstance(s.event, GraphChanged))
+        assert isinstance(planned, e.Planned)
+        graph = TopologicalGraph(s.event.delta for s in past if isinstance(s.event, e.GraphChanged))
         found = replan(graph, planner_state_at(Timeline.of(past)), method, [])
         assert found.old.nodes == found.new.nodes == planned.nodes
         assert found.old.cost == pytest.approx(planned.cost)
@@ -143,24 +126,10 @@ def test_without_a_change_the_plan_is_the_recorded_one() -> None:
         assert not found.added_edges
 
 
-def test_barring_an_edge_of_a_recorded_plan_finds_another_way_or_none() -> None:
-    recording, events = demo()
-    planned = next(stamped for stamped in events if isinstance(stamped.event, Planned) and len(stamped.event.nodes) > 4)
-    assert isinstance(planned.event, Planned)
-    graph, asked = (
-        recording.graph_at(planned.step),
-        planner_state_at(Timeline.of(events), Instant(planned.step, planned.stamp)),
-    )
-    barred = planned.event.nodes[1], planned.event.nodes[2]
-    found = replan(graph, asked, ROBUST, [WithoutEdge(*barred)])
-    assert barred in found.removed_edges
-    assert found.new.cost > found.old.cost
-
-
 def test_failures_of_a_query_are_forgotten_in_the_next() -> None:
-    ended = AttemptEnded(0, 1, 0, 2, 5, AttemptEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
-    events = [StampedEvent(1, 0.1, QueryStarted(0, 3)), StampedEvent(1, 0.1, Planned(0, (0, 1, 2, 3), 1.0))]
-    events += [StampedEvent(2, 0.2, ended), StampedEvent(3, 0.3, QueryStarted(1, 4))]
+    ended = e.AttemptEnded(0, 1, 0, 2, 5, e.AttemptEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
+    events = [e.StampedEvent(1, 0.1, e.QueryStarted(0, 3)), e.StampedEvent(1, 0.1, e.Planned(0, (0, 1, 2, 3), 1.0))]
+    events += [e.StampedEvent(2, 0.2, ended), e.StampedEvent(3, 0.3, e.QueryStarted(1, 4))]
     assert planner_state_at(Timeline.of(events), Instant(2, 0.2)).failures == {(0, 1): 1, (1, 2): 1}
     assert planner_state_at(Timeline.of(events)) == PlannerState(None, 4)
     assert planner_state_at(Timeline.of(events[2:3])).failures == {(0, 2): 1}
@@ -174,26 +143,26 @@ def test_a_moment_without_a_question_has_no_plan_but_says_why() -> None:
 
 
 def test_a_smaller_distance_of_localisation_may_lose_the_robot() -> None:
-    look = Localised(0, 5, 0, 0.8, 0.9, None, math.inf, "global")
+    look = e.Localised(0, 5, 0, 0.8, 0.9, None, math.inf, "global")
     asked = PlannerState(0, 3, localised=look)
-    found = replan(diamond(), asked, ROBUST, [WithThreshold(WhatIfThreshold.D_L, 0.5)])
+    found = replan(diamond(), asked, ROBUST, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.5)])
     assert found.new.nodes == ()
     assert "lost" in found.notes[0]
-    assert replan(diamond(), asked, ROBUST, [WithThreshold(WhatIfThreshold.D_L, 0.9)]).new.nodes == (0, 1, 3)
+    assert replan(diamond(), asked, ROBUST, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.9)]).new.nodes == (0, 1, 3)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (WithoutEdge(3, 0), "Edge 3 -> 0 is not in the map"),
-        (WithBelief(0, 3, p=0.5), "force it in"),
-        (WithBelief(0, 1, p=1.5), r"must lie in \[0, 1\]"),
-        (WithEdge(0, 9, SURE), "Node 9 is not in the map"),
-        (WithGoal(9), "Node 9 is not in the map"),
-        (WithThreshold(WhatIfThreshold.D_L, -1.0), "D_l cannot be -1"),
-        (WithThreshold(WhatIfThreshold.R_P, math.nan), "R_p cannot be nan"),
+        (w.WithoutEdge(3, 0), "Edge 3 -> 0 is not in the map"),
+        (w.WithBelief(0, 3, p=0.5), "force it in"),
+        (w.WithBelief(0, 1, p=1.5), r"must lie in \[0, 1\]"),
+        (w.WithEdge(0, 9, SURE), "Node 9 is not in the map"),
+        (w.WithGoal(9), "Node 9 is not in the map"),
+        (w.WithThreshold(w.WhatIfThreshold.D_L, -1.0), "D_l cannot be -1"),
+        (w.WithThreshold(w.WhatIfThreshold.R_P, math.nan), "R_p cannot be nan"),
     ],
 )
-def test_what_cannot_be_imagined_is_said(change: WhatIfChange, message: str) -> None:
+def test_what_cannot_be_imagined_is_said(change: w.WhatIfChange, message: str) -> None:
     with pytest.raises(LtvnError, match=message):
         replan(diamond(), ASKED, ROBUST, [change])

@@ -8,12 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.localisation_confidence import (
-    features_of,
-    find_perceptual_aliases,
-    localisation_heat_map,
-    localisation_margins,
-)
+from ltvn_core.analysis.localisation_confidence import features_of, find_perceptual_aliases, localisation_heat_map
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
@@ -22,7 +17,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localiser
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import Localised, StampedEvent
+from ltvn_core.navigation.events import StampedEvent
 from ltvn_core.types import NodeId, Observation
 from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at
 from tests.repository import DEMO_DRIVE
@@ -93,15 +88,6 @@ def test_an_empty_map_is_neither_warm_nor_cold() -> None:
 @cache
 def demo() -> list[StampedEvent]:
     return Recording.open(DEMO_DRIVE).events
-
-
-def test_the_margins_of_the_demo_are_those_that_were_recorded() -> None:
-    looks = [stamped for stamped in demo() if isinstance(stamped.event, Localised)]
-    found = localisation_margins(demo())
-    assert found.steps.tolist() == [look.step for look in looks]
-    assert found.margins.tolist() == [look.event.margin for look in looks if isinstance(look.event, Localised)]
-    assert len(found.nodes) == 51
-    assert len(localisation_margins([]).margins) == 0
 
 
 @pytest.mark.parametrize("candidates", [None, 22])

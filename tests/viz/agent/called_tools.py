@@ -28,56 +28,17 @@ _TAKEN: dict[str, tuple[str, ...]] = {
 }
 """What the tools take beside the file."""
 _WORDS = (
-    "edge",
-    "blame",
-    "time",
-    "what-if",
-    "where",
-    "break",
-    "compare",
-    "truth",
-    "failures",
-    "share",
-    "hand",
-    "coach",
+    *("edge", "blame", "time", "what-if", "where", "break"),
+    *("compare", "truth", "failures", "share", "hand", "coach"),
 )
 _TEXTS = (
-    *(
-        "without 1489->2621",
-        "goal 3",
-        "all",
-        "Take the lift",
-        "remove all",
-        "save this moment",
-        "demo-map.rrd",
-        "1 h ago",
-    ),
-    *(
-        "../demo-drive.rrd",
-        "/etc/passwd",
-        "D_c = 1e308",
-        "forget all",
-        "\x1b[2J",
-        "x" * 300,
-        "\ud800".encode("utf-8", "replace").decode(),
-    ),
+    *("without 1489->2621", "goal 3", "all", "Take the lift", "remove all", "save this moment", "demo-map.rrd"),
+    *("1 h ago", "../demo-drive.rrd", "/etc/passwd", "D_c = 1e308", "forget all", "\x1b[2J", "x" * 300),
+    "\ud800".encode("utf-8", "replace").decode(),
 )
 _ODD: tuple[Any, ...] = (
-    None,
-    True,
-    -1,
-    0,
-    1e308,
-    -1e-9,
-    2**70,
-    "",
-    "NaN",
-    [],
-    {},
-    [[]],
-    {"a": [1]},
-    "../../etc",
-    [1, 2, 3],
+    *(None, True, -1, 0, 1e308, -1e-9, 2**70),
+    *("", "NaN", [], {}, [[]], {"a": [1]}, "../../etc", [1, 2, 3]),
 )
 LONGEST_RESULT = 2_000_000
 """Letters of the largest answer, a picture of the map."""

@@ -15,18 +15,12 @@ SEED = 38
 
 def test_calls_of_every_kind_write_nothing_and_end_nothing(tmp_path: Path) -> None:
     random = Random(SEED)
-
     with harmless_agent(tmp_path) as agent:
         complaints = [complaint for _ in range(CALLS) if (complaint := judge_call(agent, random))]
-
     assert complaints == []
 
 
-_MUST_NOT_BE_LOADED = (
-    "ltvn_core.robots.robot_plugins",
-    "ltvn_core.robots.ros2",
-    "ltvn_viz.session.session_loop",
-)
+_MUST_NOT_BE_LOADED = ("ltvn_core.robots.robot_plugins", "ltvn_core.robots.ros2", "ltvn_viz.session.session_loop")
 """What opens a robot, and what leads a session."""
 _SERVE = """
 import gc, json, sys
@@ -54,7 +48,6 @@ def test_calls_of_every_kind_load_and_make_nothing_that_drives() -> None:
         [sys.executable, "-c", _SERVE], cwd=ROOT, capture_output=True, text=True, check=True, timeout=300
     )
     found = json.loads(served.stdout.splitlines()[-1])
-
     assert found["refused"] < found["calls"] == 40  # Many were answered.
     assert found["driving"] == []
     assert not set(_MUST_NOT_BE_LOADED) & set(found["loaded"])

@@ -35,7 +35,6 @@ def agent() -> Iterator[AgentClient]:
 
 def test_all_tools_say_that_they_only_read_and_what_they_take(agent: AgentClient) -> None:
     tools = agent.tools()
-
     assert {tool.name for tool in tools} == {"list_files", "describe", "timeline", "ask", "image", "map_picture"}
     assert all(tool.annotations is not None and tool.annotations.read_only_hint for tool in tools)
     assert all(tool.description and tool.input_schema["additionalProperties"] is False for tool in tools)
@@ -43,7 +42,6 @@ def test_all_tools_say_that_they_only_read_and_what_they_take(agent: AgentClient
 
 def test_a_recording_is_described_with_its_queries_and_questions(agent: AgentClient) -> None:
     told = agent.ask("describe", file=FAULT)
-
     assert [query["succeeded"] for query in told["queries"]] == [False] * 4
     assert told["map_at_end"]["nodes"] == 327
     assert {"edge", "failures", "what-if"} <= told["questions"].keys()
@@ -56,7 +54,6 @@ def test_the_planted_faults_are_not_told_by_the_description(agent: AgentClient) 
 
 def test_a_stretch_of_time_is_told_by_kind_and_in_bounds(agent: AgentClient) -> None:
     failures = agent.ask("timeline", file=FAULT, kinds=["failure"], to_s=8.0, most=2)
-
     assert [row["about"] for row in failures["rows"]] == [[1489, 2621]] * 2
     assert failures["left_out"] > 0
 
@@ -64,14 +61,12 @@ def test_a_stretch_of_time_is_told_by_kind_and_in_bounds(agent: AgentClient) -> 
 def test_an_answer_says_what_to_ask_next_and_following_it_answers(agent: AgentClient) -> None:
     answer = agent.ask("ask", file=FAULT, edge=[1489, 2621])
     follow = next(each["ask"] for each in answer["follow"] if each["ask"].get("edge") == [2621, 1489])
-
     assert "2621 → 1489" in agent.ask("ask", file=FAULT, **follow)["text"]
 
 
 def test_a_slow_answer_is_waited_for_and_nothing_is_remembered_from_one_call_to_the_next(agent: AgentClient) -> None:
     answer = agent.ask("ask", file=FAULT, question="what-if", text="without 1489->2621", at_s=1.0)
     afterwards = agent.ask("ask", file=FAULT, question="what-if", text="goal 3", at_s=1.0)
-
     assert "instead of 2 nodes" in answer["text"]
     assert "without 1489" not in afterwards["text"]
 
@@ -79,7 +74,6 @@ def test_a_slow_answer_is_waited_for_and_nothing_is_remembered_from_one_call_to_
 def test_images_and_maps_are_pictures_of_bounded_size(agent: AgentClient) -> None:
     seen = agent.picture("image", file=FAULT, frame=1489)
     drawn = agent.picture("map_picture", file=FAULT, at_s=0.0)
-
     assert (seen.mime_type, drawn.mime_type) == ("image/jpeg", "image/png")
     assert max(Image.open(io.BytesIO(base64.b64decode(seen.data))).size) <= LARGEST_IMAGE
     assert max(Image.open(io.BytesIO(base64.b64decode(drawn.data))).size) <= 1100
@@ -126,7 +120,6 @@ def test_whatever_a_folder_holds_and_a_program_sends_is_answered(tmp_path: Path)
         asked = {"name": "describe", "arguments": {"file": file}}
         lines.append({"jsonrpc": "2.0", "id": number, "method": "tools/call", "params": asked})
     program = [sys.executable, "-m", "ltvn_core.cli", "mcp", str(tmp_path)]
-
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, text=True) as agent:
         assert agent.stdin is not None
         assert agent.stdout is not None
@@ -135,7 +128,6 @@ def test_whatever_a_folder_holds_and_a_program_sends_is_answered(tmp_path: Path)
         answers = {answer["id"]: answer for answer in (json.loads(agent.stdout.readline()) for _ in range(6))}
         agent.stdin.close()
         assert agent.wait(PATIENCE_S) == 0
-
     assert "error" in answers.pop(None)
     told = [
         (answers[number]["result"]["isError"], answers[number]["result"]["content"][0]["text"])
@@ -154,9 +146,7 @@ MOST_CALLS = 12
 @pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: f"{planted['query']} {planted['kind']}")
 def test_what_a_failed_query_tells_leads_to_its_fault_in_a_few_calls(agent: AgentClient, planted: dict) -> None:
     before = agent.calls
-
     kind, edges = find_fault(agent, planted["query"])
-
     assert kind == planted["kind"]
     assert any(edge in planted["edges"] for edge in edges)
     assert agent.calls - before <= MOST_CALLS

@@ -5,28 +5,25 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ltvn_core.analysis.answer import Answer, CalibrationChart, Paragraph, PresenceChart, StepChart, Table
 from ltvn_core.analysis.answer_text import answer_text, line_text
 from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.graph.deltas import GraphDelta, PresenceObserved
-from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import (
-    AttemptEnded,
-    AttemptStarted,
-    Collided,
-    Event,
-    GraphChanged,
-    QueryEnded,
-    QueryStarted,
-)
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation import events as e
+from ltvn_viz.debugger.compared_map import BEFORE_FIRST_QUERY
 from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.session.options import AppOptions
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP
-from tests.viz.debugger.answer_links import answer_of, words
-from tests.viz.debugger.replayed_file import ReplayedFile
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS
+from tests.viz.app_session import AppSession
+from tests.viz.debugger.answer_links import answer_of, links, words
 from tests.viz.debugger.seen_edges import HOUR, open_harness, see
 
 PRUNED, TRUSTED = (1489, 2621), (3081, 2226)
@@ -39,6 +36,71 @@ EDGES: dict[str, tuple[EdgeKey, ...]] = {
 """Edges to ask about in each tracked recording."""
 _ROUNDING_S = 0.1
 """Times in text have one digit."""
+
+
+class ReplayedFile(AppSession):
+    """A tracked recording, open in a session; what was computed at one moment is there at the next, as in the page."""
+
+    def __init__(self, stack: ExitStack, name: str) -> None:
+        super().__init__(stack, AppOptions(recordings=RECORDINGS, replay=name))
+        self.name = name
+        self.do(c.OpenRecording(name), ticks=3)
+        self.do(ticks=3)
+
+    @property
+    def timeline(self) -> Timeline:
+        return self.state.shown_run
+
+    @property
+    def instant(self) -> Instant:
+        return self.timeline.instant_at(self.now.moment.stamp)
+
+    @property
+    def now_s(self) -> float:
+        return self.now.moment.stamp - self.timeline.start_s
+
+    @property
+    def known(self) -> int:
+        return self.timeline.count_until(self.instant)
+
+    @property
+    def graph(self) -> TopologicalGraph:
+        return self.timeline.graph_at(self.instant)
+
+    def moments(self, count: int = 6) -> list[float]:
+        length_s = self.timeline.end_s - self.timeline.start_s
+        return np.unique(np.linspace(0.0, length_s, count)).tolist()
+
+    def offers(self, question: QuestionName) -> bool:
+        return question in self.now.inspection.offered
+
+    def answer(self, question: QuestionName) -> Answer:
+        shown = self.do(c.ChooseQuestion(question), ticks=3)
+        for _ in range(60):
+            if not shown.inspection.answer.answer.is_pending:
+                break
+            shown = self.do(ticks=2)
+        return shown.inspection.answer.answer
+
+    def tables(self, question: QuestionName) -> list[tuple[tuple[str, ...], list[list[str]]]]:
+        tables = [block for block in self.answer(question).blocks if isinstance(block, Table)]
+        return [(table.head, [[line_text(cell) for cell in row] for row in table.rows]) for table in tables]
+
+    def rows(self, question: QuestionName) -> list[list[str]]:
+        return [row for _, rows in self.tables(question) for row in rows]
+
+    def text(self, question: QuestionName) -> str:
+        self.answer(question)
+        return words(self.now)
+
+    def rows_about(self, question: QuestionName, edge: EdgeKey) -> list[list[str]]:
+        return [row for row in self.rows(question) if row[0] == f"{edge[0]} → {edge[1]}"]
+
+    def compare_with_the_beginning(self) -> None:
+        offered = self.do(c.ChooseQuestion(QuestionName.COMPARE), ticks=3)
+        found = [number for number, label in links(offered) if label == BEFORE_FIRST_QUERY]
+        if found:
+            self.do(c.FollowLink(found[0]), ticks=3)
 
 
 @pytest.fixture(scope="module", params=EDGES)
@@ -93,7 +155,6 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
             truly = replay.graph.edges.get(edge)
             both, ps = stated_beliefs(replay, edge), stated_ps(replay, edge)
             asked |= set(both) | set(ps)
-
             if truly is not None:
                 belief = truly.belief
                 assert set(both.values()) == {(f"{belief.p:.2f}", f"{belief.mu:.2f}")}, (edge, seconds, both)
@@ -118,12 +179,13 @@ def test_all_answers_count_the_same_at_every_moment(replay: ReplayedFile) -> Non
         replay.do(c.Seek(seconds), ticks=3)
         progress = replay.now.moment.progress
         events = [stamped.event for stamped in replay.timeline.events[: replay.known]]
-        collisions = _count(events, Collided)
+        collisions = _count(events, e.Collided)
         marks = {row[0].strip(): row[1] for row in replay.rows(QuestionName.TIME)}
-
         assert progress.collisions == collisions == int(marks["collision"])
-        assert progress.queries == _count(events, QueryStarted) == int(marks["query"])
-        assert int(marks["failed leg"]) == sum(isinstance(each, AttemptEnded) and not each.succeeded for each in events)
+        assert progress.queries == _count(events, e.QueryStarted) == int(marks["query"])
+        assert int(marks["failed leg"]) == sum(
+            isinstance(each, e.AttemptEnded) and not each.succeeded for each in events
+        )
         _check_map_size(replay)
         _check_results(replay)
         if replay.offers(QuestionName.TRUTH):
@@ -131,7 +193,7 @@ def test_all_answers_count_the_same_at_every_moment(replay: ReplayedFile) -> Non
         if replay.timeline.queries:
             compared = _compared(replay)
             assert compared["collisions"][0] == str(collisions)
-            assert compared["arrived, of queries"][0] == f"{progress.reached} of {_count(events, QueryEnded)}"
+            assert compared["arrived, of queries"][0] == f"{progress.reached} of {_count(events, e.QueryEnded)}"
 
 
 def _compared(replay: ReplayedFile) -> dict[str, list[str]]:
@@ -170,14 +232,14 @@ def _check_results(replay: ReplayedFile) -> None:
     assert share is None or int(share[1]) == round(100 * (1 - len(failed) / len(over)))
 
 
-def _check_truth(replay: ReplayedFile, events: list[Event]) -> None:
+def _check_truth(replay: ReplayedFile, events: list[e.Event]) -> None:
     """Compare the counts of “What is true?” with the map and the attempts up to now."""
     charts = [block for block in replay.answer(QuestionName.TRUTH).blocks if isinstance(block, CalibrationChart)]
     found = re.search(r"Before the (one|\d+) attempts?", replay.text(QuestionName.TRUTH))
     attempts = 0 if found is None else 1 if found[1] == "one" else int(found[1])
 
     assert sum(count for chart in charts for _, _, count in chart.cells) == len(replay.graph.edges)
-    assert attempts == sum(isinstance(each, AttemptEnded) and each.source is not None for each in events)
+    assert attempts == sum(isinstance(each, e.AttemptEnded) and each.source is not None for each in events)
 
 
 def test_no_answer_states_what_happens_later_but_in_the_line_set_apart_for_it(replay: ReplayedFile) -> None:
@@ -185,14 +247,13 @@ def test_no_answer_states_what_happens_later_but_in_the_line_set_apart_for_it(re
     for seconds in replay.moments(4):
         replay.do(c.Seek(seconds), ticks=3)
         events = [stamped.event for stamped in replay.timeline.events[: replay.known]]
-        begun = {each.query for each in events if isinstance(each, QueryStarted)}
-        tried = {each.attempt for each in events if isinstance(each, AttemptStarted)}
+        begun = {each.query for each in events if isinstance(each, e.QueryStarted)}
+        tried = {each.attempt for each in events if isinstance(each, e.AttemptStarted)}
         for question in (name for name in QuestionName if replay.offers(name) and name is not QuestionName.NONE):
             for edge in EDGES[replay.name]:
                 replay.do(c.PointAt(*edge), ticks=3)
                 told = _told_of_now(replay.answer(question))
                 text = answer_text(told)
-
                 about = (question, seconds, text)
                 assert all(at_s <= replay.now_s + _ROUNDING_S for at_s in _times(told)), about
                 assert {int(each) for each in re.findall(r"[Qq]uery (\d+)", text)} <= begun, about
@@ -242,8 +303,7 @@ def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> Non
         shown = harness.do(c.Seek(stamp - run.start_s), c.ChooseQuestion(QuestionName.EDGE), ticks=4)
         before = run.events[: run.count_until(run.instant_at(shown.moment.stamp))]
         looks = sum(isinstance(_delta(each.event), PresenceObserved) for each in before)
-        begun = {each.event.query for each in before if isinstance(each.event, QueryStarted)}
-
+        begun = {each.event.query for each in before if isinstance(each.event, e.QueryStarted)}
         told = answer_of(shown).blocks
         assert sum(len(block.looks) for block in told if isinstance(block, PresenceChart)) == looks
         progress = shown.moment.progress
@@ -258,9 +318,9 @@ def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> Non
     assert {False, True} == {named for _, named in seen}
 
 
-def _delta(event: Event) -> GraphDelta | None:
-    return event.delta if isinstance(event, GraphChanged) else None
+def _delta(event: e.Event) -> GraphDelta | None:
+    return event.delta if isinstance(event, e.GraphChanged) else None
 
 
-def _count(events: list[Event], kind: type) -> int:
+def _count(events: list[e.Event], kind: type) -> int:
     return sum(isinstance(each, kind) for each in events)

@@ -87,9 +87,7 @@ def test_a_breakpoint_stops_there_and_nowhere_else_live_and_in_a_recording(
         monitor.consume(live)
         if monitor.take_latest() is not None:
             stopped.append(step)
-
     recorded = [mark.instant.step for mark in monitor.stops_among(live.marks)]
-
     assert stopped == recorded == steps
 
 
@@ -97,9 +95,7 @@ def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harne
     goal = far_node(harness)
     follow(harness, harness.do(c.PickNode(goal)), f"new query at node {goal}")
     harness.do(c.NavigateTo(goal))
-
     held = harness.until(lambda snapshot: snapshot.mode is not Mode.NAVIGATING)
-
     assert held.mode is Mode.PAUSED
     assert f"node {goal} is the goal" in said(held)
     assert "Met once" in words(held)
@@ -111,17 +107,13 @@ def test_a_held_query_goes_on_to_its_end_when_it_is_let_go(harness: SessionHarne
     held = harness.until(lambda snapshot: snapshot.mode is Mode.PAUSED)
     follow(harness, held, "remove", ticks=1)
     harness.do(c.Pause())
-
     ended = harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
-
     assert ended.moment.progress.ended is not None
 
 
 def test_breakpoints_are_taken_away_one_by_one_by_their_links(harness: SessionHarness) -> None:
     both = follow(harness, follow(harness, harness.do(ticks=2), "prune"), "replan")
-
     one = follow(harness, both, "remove")
-
     assert "prune · remove" in words(both)
     assert "prune · remove" not in words(one)
     assert "replan · remove" in words(one)
@@ -129,7 +121,6 @@ def test_breakpoints_are_taken_away_one_by_one_by_their_links(harness: SessionHa
 
 def test_nothing_is_typed_to_set_a_breakpoint(harness: SessionHarness) -> None:
     shown = harness.do(c.SubmitText("prune"))
-
     assert not shown.inspection.answer.input_hint
     assert "follow a link" in said(shown)
 
@@ -137,9 +128,7 @@ def test_nothing_is_typed_to_set_a_breakpoint(harness: SessionHarness) -> None:
 def test_a_breakpoint_finds_what_the_live_run_met_before_it_was_set(harness: SessionHarness) -> None:
     harness.do(c.NavigateTo(far_node(harness)))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
-
     shown = follow(harness, harness.do(ticks=2), "end of a query")
-
     assert "Met once" in words(shown)
     assert shown.message is None or "Stopped" not in shown.message.text
 
@@ -152,9 +141,7 @@ def stopping_twice(harness: SessionHarness) -> Snapshot:
 
 def test_a_replay_stops_at_each_hit_and_plays_on_from_there(harness: SessionHarness) -> None:
     stopping_twice(harness)
-
     first, second = played(harness), played(harness)
-
     assert first.replay is not None
     assert second.replay is not None
     assert 0 < first.replay.time_s < second.replay.time_s
@@ -166,7 +153,6 @@ def test_links_lead_to_the_next_and_to_the_previous_hit_of_a_recording(harness: 
     end = follow(harness, stopping_twice(harness), "next")
     begin = follow(harness, end, "previous")
     again = follow(harness, begin, "next")
-
     assert begin.replay is not None
     assert end.replay is not None
     assert again.replay is not None
@@ -175,5 +161,4 @@ def test_links_lead_to_the_next_and_to_the_previous_hit_of_a_recording(harness: 
 
 def test_an_offer_that_was_taken_is_offered_no_more(harness: SessionHarness) -> None:
     taken = follow(harness, harness.do(ticks=2), "collision")
-
     assert words(taken).count("collision") == 1

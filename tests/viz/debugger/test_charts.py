@@ -18,9 +18,7 @@ def nodes_chart(*counts: int) -> StepChart:
 
 def test_a_quantity_that_never_changes_is_a_line_of_text() -> None:
     builder = AnswerBuilder()
-
     builder.add_chart(nodes_chart(27, 27, 27))
-
     (block,) = builder.build().answer.blocks
     assert isinstance(block, Paragraph)
     assert answer_text(builder.build().answer) == "nodes: 27 throughout"
@@ -28,18 +26,14 @@ def test_a_quantity_that_never_changes_is_a_line_of_text() -> None:
 
 def test_a_quantity_that_changes_is_drawn() -> None:
     builder = AnswerBuilder()
-
     builder.add_chart(nodes_chart(27, 28, 27))
-
     assert builder.build().answer.blocks == (nodes_chart(27, 28, 27),)
 
 
 def test_the_name_of_a_limit_lies_below_all_that_a_curve_can_reach() -> None:
     x, y = Axis("time, s", 0.0, 10.0), Axis("margin", *PROBABILITY)
     chart = StepChart(((0.0, 0.0), (5.0, 1.0)), x, y, palette.SOURCE, limits=((0.3, "below: ambiguous"),))
-
     svg = chart_svg(chart)
-
     name = re.search(r'<text x="[\d.]+" y="([\d.]+)"[^>]*>below: ambiguous', svg)
     curve = re.search(r'<path d="(M[^"]+)" fill="none" stroke="[^"]+" stroke-width="2"', svg)
     assert name is not None
@@ -66,9 +60,7 @@ def test_the_axis_of_a_probability_ends_at_one() -> None:
 
 def test_a_chart_has_axes_with_units_and_a_line_at_the_moment() -> None:
     x, y = Axis("time, s", 0.0, 10.0), Axis("p", *PROBABILITY)
-
     svg = chart_svg(StepChart(((0.0, 0.9), (4.0, 0.2)), x, y, palette.SOURCE, now=6.0))
-
     assert all(words in svg for words in (">time, s<", ">p<", ">now<", ">0.2<", ">10<"))
     assert svg.count("<circle") == 2
     assert "nan" not in svg

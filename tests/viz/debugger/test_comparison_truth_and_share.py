@@ -60,7 +60,6 @@ def colours(snapshot: Snapshot) -> set[palette.Rgb8]:
 def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.COMPARE))
     shown = follow(demo, "demo-map.rrd")
-
     assert "nodes are in both, matched by their pose" in words(shown)
     assert (
         {palette.EDGE_ADDED, palette.EDGE_REMOVED}
@@ -86,7 +85,6 @@ def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_word
     demo.do(c.ChooseQuestion(QuestionName.COMPARE))
     demo.do(c.SubmitText("gone.rrd"))
     assert "gone.rrd" in said(demo.now)
-
     (demo.library.folder / "holiday.rrd").write_bytes(b"not a recording")
     shown = demo.do(c.SubmitText("holiday.rrd"), ticks=3)
     assert "holiday.rrd" in words(shown)
@@ -139,10 +137,8 @@ def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) ->
     shown = demo.do(c.ChooseQuestion(QuestionName.SHARE), c.PointAt(source, target), c.Seek(3.0), ticks=2)
     copied = next(each for each in pieces(shown) if isinstance(each, Copyable))
     assert copied.text in [each.url for each in pieces(shown) if isinstance(each, Address)]
-
     demo.do(c.Seek(0.0), c.ChooseQuestion(""), c.PointAt(source))
     again = demo.do(*commands_from_link(copied.text.removeprefix("/?")), ticks=2)
-
     assert again.replay is not None
     assert np.isclose(again.replay.time_s, 3.0, atol=0.011)
     assert again.inspection.question is QuestionName.EDGE
@@ -163,7 +159,6 @@ def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo:
     shown = follow(demo, ShareAction.SAVE_EXCERPT)
     assert "moment-demo-drive" in words(shown)
     follow(demo, ShareAction.SAVE_EXCERPT)
-
     written = sorted(set(demo.library.folder.iterdir()) - before)
     moments, tests = [p for p in written if p.suffix == ".rrd"], [p for p in written if p.suffix == ".py"]
     assert (len(moments), len(tests)) == (2, 2)

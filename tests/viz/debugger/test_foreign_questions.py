@@ -19,7 +19,7 @@ from tests.repository import DEMO_FAULT
 from tests.viz.session_harness import SessionHarness
 
 
-class _Sound(Question):
+class Sound(Question):
     name = "Sound?"
     word = "sound"
     about = "It works."
@@ -30,35 +30,31 @@ class _Sound(Question):
         return builder.build()
 
 
-class Sound(_Sound):
-    pass
-
-
-class Wordless(_Sound):
+class Wordless(Sound):
     word = None
 
 
-class Spaced(_Sound):
+class Spaced(Sound):
     word = "two words"
 
 
-class Raising(_Sound):
+class Raising(Sound):
     @property
     def about(self) -> str:
         raise ZeroDivisionError("no about")
 
 
-class Clashing(_Sound):
+class Clashing(Sound):
     name = "Another edge?"
     word = "edge"
 
 
-class Unmade(_Sound):
+class Unmade(Sound):
     def __init__(self) -> None:
         raise SystemExit(3)
 
 
-class Dividing(_Sound):
+class Dividing(Sound):
     name = "Dividing?"
     word = "dividing"
 
@@ -66,7 +62,7 @@ class Dividing(_Sound):
         raise ZeroDivisionError("one by none")
 
 
-class Texting(_Sound):
+class Texting(Sound):
     name = "Texting?"
     word = "texting"
 
@@ -74,7 +70,7 @@ class Texting(_Sound):
         return "a text"  # type: ignore[return-value]
 
 
-class Undrawable(_Sound):
+class Undrawable(Sound):
     name = "Undrawable?"
     word = "undrawable"
 
@@ -84,7 +80,7 @@ class Undrawable(_Sound):
         return builder.build()
 
 
-class Unoffered(_Sound):
+class Unoffered(Sound):
     name = "Unoffered?"
     word = "unoffered"
 
@@ -100,7 +96,6 @@ def plugins(*names: str) -> dict[str, Plugin]:
 @pytest.mark.parametrize("name", ["Wordless", "Spaced", "Raising", "Clashing", "Unmade"])
 def test_a_question_with_a_wrong_attribute_is_named_and_left_out(name: str, caplog: pytest.LogCaptureFixture) -> None:
     found = installed_questions(plugins(name, "Sound"), [EdgeQuestion()])
-
     assert [question.word for question in found] == ["sound"]
     (line,) = caplog.messages
     assert name in line
@@ -118,7 +113,6 @@ def test_a_question_with_a_wrong_attribute_is_named_and_left_out(name: str, capl
 def test_what_goes_wrong_in_a_question_is_its_answer(harness: SessionHarness, name: str, said: str) -> None:
     asked = [*installed_questions(plugins(name, "Sound"))]
     harness.state.debugger = Inspector(asked, harness.state.worker)
-
     shown = harness.do(c.ChooseQuestion(f"{name}?"), ticks=2)
     assert said in answer_text(shown.inspection.answer.answer)
     shown = harness.do(c.ChooseQuestion("Sound?"), ticks=2)
@@ -132,9 +126,7 @@ def test_the_terminal_goes_on_with_a_broken_question_beside_one_that_fails(tmp_p
     )
     entries = f"[{QUESTIONS.name}]\nwordless = odd_questions:Wordless\ndividing = odd_questions:Dividing\n"
     install(tmp_path, "odd-questions", entries, source=source)
-
     asked = ltvn(tmp_path, "why", str(DEMO_FAULT), "--ask", "dividing")
-
     assert asked.returncode == 0
     (line,) = asked.stderr.strip().splitlines()
     assert "wordless of the package odd-questions" in line

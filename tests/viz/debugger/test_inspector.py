@@ -18,9 +18,7 @@ def link_numbers(snapshot: Snapshot) -> list[int]:
 
 def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: SessionHarness) -> None:
     source, _ = an_edge(harness)
-
     snapshot = harness.do(c.PickNode(source))
-
     assert snapshot.inspection.question is QuestionName.NONE
     assert snapshot.inspection.html == ""
     assert snapshot.mode is Mode.NAVIGATING
@@ -29,9 +27,7 @@ def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: Sess
 def test_with_a_question_clicks_on_a_node_and_its_neighbour_ask_about_the_edge_between(harness: SessionHarness) -> None:
     source, target = an_edge(harness)
     harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(source))
-
     snapshot = harness.do(c.PickNode(target))
-
     assert snapshot.mode is Mode.TELEOP
     assert snapshot.inspection.selection.edge == (source, target)
     assert f"{source} → {target}" in words(snapshot)
@@ -43,10 +39,8 @@ def test_a_link_of_a_view_that_was_just_replaced_leads_where_it_said(harness: Se
     source, target = an_edge(harness)
     shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(source, target))
     back = link_numbers(shown)[0]
-
     turned = harness.do(c.FollowLink(back))
     again = harness.do(c.FollowLink(back))
-
     assert turned.inspection.selection.edge == (target, source)
     assert again.inspection.selection.edge == (target, source)
     assert again.message is None
@@ -56,9 +50,7 @@ def test_a_link_of_a_view_that_was_just_replaced_leads_where_it_said(harness: Se
 def test_a_link_of_another_question_says_that_it_is_gone(harness: SessionHarness) -> None:
     source, target = an_edge(harness)
     shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(source, target))
-
     gone = harness.do(c.ChooseQuestion(QuestionName.TIME), c.FollowLink(link_numbers(shown)[0]))
-
     assert gone.inspection.selection.edge == (source, target)
     assert "replaced before your click arrived" in said(gone)
 
@@ -67,15 +59,12 @@ def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionH
     harness.do(c.PickNode(max(harness.state.live_map.graph.nodes)))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = harness.now.moment.stamp
-
     before = harness.do(c.Seek(0.2))
     now = harness.do(c.Seek(1e6))
-
     assert before.moment.stamp < end
     assert now.moment.stamp >= end
 
 
 def test_text_that_no_question_asked_for_are_answered_with_what_to_do(harness: SessionHarness) -> None:
     snapshot = harness.do(c.SubmitText("hello"))
-
     assert "Choose a question first" in said(snapshot)

@@ -31,7 +31,6 @@ def harness(harness: SessionHarness) -> SessionHarness:
 
 def test_the_node_at_the_robot_is_the_best_and_the_lightest(harness: SessionHarness) -> None:
     shown = harness.wait(3)
-
     colours = shown.inspection.answer.overlay.nodes
     light = {node: sum(colour) for node, colour in colours.items()}
     here = next(each.node for each in shown.inspection.answer.links if isinstance(each, c.PointAt))
@@ -46,10 +45,8 @@ def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness
     harness.do(c.NavigateTo(max(harness.state.live_map.graph.nodes)))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = harness.now.moment.stamp
-
     shown = harness.until(lambda snapshot: "Smallest" in words(snapshot))
     then = follow(harness, shown, " at ")
-
     curve = next(each for each in shown.inspection.answer.answer.blocks if isinstance(each, StepChart))
     assert len(curve.points) > 1
     assert then.moment.stamp < end
@@ -57,17 +54,14 @@ def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness
 
 def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness) -> None:
     shown = follow(harness, harness.wait(3), "look alike")
-
     assert "perceptual aliases" in words(shown).lower()
 
 
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
     state = SessionHarness(tmp_path, mapped=False).state
-
     shown = LocalisationQuestion().answer(
         DebugContextBuilder(BackgroundCache(state.worker, lambda: None)).build(state, RunMoment()), NOTHING_SELECTED
     )
-
     assert "The map is empty" in answer_text(shown.answer)
 
 
@@ -78,7 +72,6 @@ def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared
         page.do(c.OpenRecording(DEMO_DRIVE.name, at_s=150.0), c.ChooseQuestion(QuestionName.WHERE), ticks=40)
     replayed = page.shown
     last = replayed[-1]
-
     reading = [each for each in replayed if "left …" in words(each)]
     assert reading
     assert not any("near enough" in words(each) or "may be here" in words(each) for each in reading)

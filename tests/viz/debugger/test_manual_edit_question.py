@@ -24,11 +24,9 @@ def an_edge(harness: SessionHarness) -> tuple[int, int]:
 def test_an_edge_is_cut_and_comes_back_as_it_was(harness: SessionHarness) -> None:
     before, edge = harness.state.live_map.graph.copy(), an_edge(harness)
     harness.do(c.PickNode(edge[0]))
-
     cut = follow(harness, harness.do(c.PickNode(edge[1])), "cut")
     graph = harness.state.live_map.graph.copy()
     follow(harness, cut, "undo")
-
     assert edge not in graph.edges
     assert f"edge {edge[0]} → {edge[1]} pruned (hand)" in words(cut)
     assert harness.state.live_map.graph == before
@@ -38,11 +36,9 @@ def test_two_nodes_are_connected_by_an_action_in_both_directions_and_the_edge_te
     before = harness.state.live_map.graph.copy()
     pair = next(pair for pair in itertools.combinations(sorted(before.nodes), 2) if pair not in before.edges)
     harness.do(c.PickNode(pair[0]))
-
     asked = follow(harness, harness.do(c.PickNode(pair[1])), "by an action")
     follow(harness, asked, "both ways")
     harness.do(c.SubmitText("Open the red door"), ticks=3)
-
     assert asked.inspection.answer.input_hint
     assert harness.state.live_map.graph.actions == dict.fromkeys([pair, pair[::-1]], "Open the red door")
     told = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*pair), ticks=3)
@@ -58,17 +54,14 @@ def test_nodes_are_neither_added_nor_changed_by_hand(harness: SessionHarness) ->
     source, target = next(pair for pair in itertools.combinations(sorted(graph.nodes), 2) if pair not in graph.edges)
     harness.do(c.PickNode(source))
     offered = [label for _, label in links(harness.do(c.PickNode(target)))]
-
     assert offered == [f"connect {source} → {target} by an action"]
 
 
 def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
     edge = an_edge(harness)
-
     shown = follow(harness, harness.do(c.PointAt(*edge)), "protect")
     protected = harness.state.live_map.graph.edges[edge].protected
     follow(harness, shown, "allow pruning")
-
     assert protected
     assert not harness.state.live_map.graph.edges[edge].protected
 
@@ -78,9 +71,7 @@ def test_a_change_is_in_the_recording_which_itself_cannot_be_changed(harness: Se
     harness.do(c.StartRecording(), ticks=2)
     follow(harness, harness.do(c.PointAt(*edge)), "cut")
     harness.do(c.KeepRecording())
-
     replayed = harness.do(c.OpenRecording(harness.writers[-1].path.name, at_s=1e9), ticks=3)
-
     assert f"edge {edge[0]} → {edge[1]} pruned (hand)" in words(replayed)
     assert "A recording cannot be changed" in words(replayed)
     assert not [label for _, label in links(replayed) if label == "undo"]
@@ -89,8 +80,6 @@ def test_a_change_is_in_the_recording_which_itself_cannot_be_changed(harness: Se
 def test_the_map_is_not_changed_while_the_robot_drives_by_itself(harness: SessionHarness) -> None:
     edge = an_edge(harness)
     shown = harness.do(c.PointAt(*edge), c.NavigateTo(max(harness.state.live_map.graph.nodes)))
-
     shown = follow(harness, shown, "cut", ticks=1)
-
     assert edge in harness.state.live_map.graph.edges
     assert "not possible" in said(shown)

@@ -70,9 +70,7 @@ def test_of_an_edge_that_was_met_blocked_but_is_not_followed_no_one_says_it_was_
     live.emit(
         AttemptEnded(1, 1, *edge, edge[0], AttemptEnd.BLOCKED, 2.0, 0.1, succeeded=False, reason="something is there")
     )
-
     told = words(harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*edge), ticks=15))
-
     assert "failed (blocked)" in told
     assert "blocked it in 1 attempt" in told
     assert "never seen blocked" not in told
@@ -107,9 +105,7 @@ def test_why_it_went_around_is_told_for_a_plan_over_an_edge_that_was_seen_blocke
     see(harness, (plan[-2], plan[-1]), 9 * HOUR, present=False)
     harness.do(c.NavigateTo(goal))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
-
     shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), ticks=3)
-
     assert "was open with p = 0." in words(shown)
     assert "Why did the robot" in words(shown)
     assert palette.EDGE_REMOVED in {stroke.colour for stroke in shown.inspection.answer.overlay.strokes}
@@ -122,9 +118,7 @@ def test_the_plan_at_another_time_of_day_is_drawn_with_what_would_be_open(harnes
     see(harness, an_edge(harness), 9 * HOUR, present=False)
     shown = harness.do(ticks=15)
     assert "It is day 1, 09:00" in words(shown)
-
     shown = follow(harness, shown, "at 18:00", ticks=4)
-
     assert "at 18:00 · forget" in words(shown)
     assert "It would be day 1, 18:00" in words(shown)
     assert "would count as open, now 0" in words(shown)

@@ -53,7 +53,6 @@ def harness(harness: SessionHarness) -> SessionHarness:
 
 def test_a_question_of_ones_own_is_offered_and_answers(harness: SessionHarness) -> None:
     shown = harness.do(c.ChooseQuestion("How many nodes?"), ticks=2)
-
     assert shown.inspection.offered == (QuestionName.NONE, "How many nodes?")
     assert f"{len(harness.state.live_map.graph.nodes)} nodes, counted 1 times" in words(shown)
     assert "counted 2 times" in words(follow(harness, shown, "count again"))
@@ -66,9 +65,7 @@ def test_installed_questions_follow_and_a_broken_one_is_named(caplog: pytest.Log
         EntryPoint(name="gone", value="no.such.module:Question", group=QUESTIONS.name),
         EntryPoint(name="text", value=f"{__name__}:str", group=QUESTIONS.name),
     ]
-
     (question,) = installed_questions(find_plugins(QUESTIONS, entries=entries))
-
     assert question.word == "node-count"
     assert "The question gone cannot be loaded (ModuleNotFoundError" in caplog.text
 
@@ -77,9 +74,7 @@ def test_the_example_of_a_question_shows_the_edges_that_are_believed_in_least(tm
     harness = SessionHarness(tmp_path)
     example = run_path(str(ROOT / "examples" / "08_add_a_debugger_question.py"))["DoubtfulEdgesQuestion"]
     harness.state.debugger = Inspector([example()], harness.state.worker)
-
     shown = harness.do(c.ChooseQuestion("Doubtful edges?"), ticks=2)
-
     least = min(harness.state.live_map.graph.edges.values(), key=lambda edge: edge.belief.p)
     assert f"p = {least.belief.p:.2f} after {least.attempts} attempts" in words(shown)
     assert shown.inspection.answer.overlay.strokes
@@ -87,21 +82,17 @@ def test_the_example_of_a_question_shows_the_edges_that_are_believed_in_least(tm
 
 def test_a_link_leads_to_a_question_of_ones_own_by_its_word(harness: SessionHarness) -> None:
     (asked,) = commands_from_link("tool=node-count", harness.state.debugger.words)
-
     assert harness.do(asked).inspection.question == "How many nodes?"
 
 
 def test_a_question_that_takes_no_text_says_so(harness: SessionHarness) -> None:
     harness.do(c.ChooseQuestion("How many nodes?"))
-
     shown = harness.do(c.SubmitText("forty?"))
-
     assert "Nothing can be typed here" in said(shown)
 
 
 def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:
     words = SessionHarness(tmp_path).state.debugger.words
-
     sent = "edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
     assert " ".join(words) == sent
     earlier = [words[word] for word in ("blame", "presence", "tried")]

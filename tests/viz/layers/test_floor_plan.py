@@ -22,7 +22,6 @@ def test_the_wall_of_a_turned_plan_is_drawn_where_the_plan_has_it(tmp_path: Path
         place = Rotation.from_quat(drawn.wxyz, scalar_first=True).apply(wall) + drawn.position
     finally:
         server.stop()
-
     assert (drawn.render_width, drawn.render_height) == (3.0, 2.0)
     assert plan.cells_at([place[:2]]).tolist() == [100]
     assert 0 < place[2] < 0.01

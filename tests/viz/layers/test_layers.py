@@ -258,7 +258,6 @@ def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServ
     nodes, edges, graph = NodesLayer(server.scene), EdgesLayer(server.scene), big_graph(5, 7)
     nodes.show(Snapshot(moment=RunMoment(graph=graph)))
     edges.show(Snapshot(moment=RunMoment(graph=graph)))
-
     drawn = [batch for batch in edges.lines.batches if batch.handle.visible]
     assert drawn
     for batch in drawn:

@@ -42,7 +42,6 @@ def test_actions_questions_and_recordings_are_listed_and_go_when_they_are_gone(
     assert any("monday.rrd" in label for label in labels)
     assert any("undo" in label.lower() for label in labels)
     assert all(any(question in label for label in labels) for question in snapshot.inspection.offered[1:])
-
     palette.show(replace(snapshot, recordings={}))
     assert not any("monday.rrd" in label for label in listed(server))
 

@@ -20,22 +20,9 @@ from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import AFTERWARDS_S, SECONDS, TITLES, Notifications, StatusPanel, StoryBar, first_tab
 from ltvn_viz.panels.world_panel import WorldPanel
+from ltvn_viz.session import snapshot as s
 from ltvn_viz.session.goals import LIMIT, ThumbnailStore, farthest_points
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.session.snapshot import (
-    DoorView,
-    FloorPlanView,
-    FloorView,
-    JobProgress,
-    LikePlace,
-    Message,
-    PlaybackStatus,
-    RecordingStatus,
-    Snapshot,
-    UploadMatch,
-    WayNodes,
-    WorldView,
-)
 from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
@@ -46,17 +33,17 @@ from tests.viz.panels.panel_contents import controls, is_enabled, nothing
 @pytest.mark.parametrize(
     ("snapshot", "tab"),
     [
-        (Snapshot(hint="Hold W A S D to drive on through the doors."), 'tab="Drive"'),
-        (Snapshot(hint="Pick an image under “Go”, or ask under “Why”."), 'tab="Go"'),
-        (Snapshot(hint="Press “Back” under “Replay”.", mode=Mode.REPLAY), 'tab="Replay"'),
+        (s.Snapshot(hint="Hold W A S D to drive on through the doors."), 'tab="Drive"'),
+        (s.Snapshot(hint="Pick an image under “Go”, or ask under “Why”."), 'tab="Go"'),
+        (s.Snapshot(hint="Press “Back” under “Replay”.", mode=Mode.REPLAY), 'tab="Replay"'),
         (
-            Snapshot(hint="It ends under “Replay”.", mode=Mode.REPLAY, inspection=Inspection(QuestionName.EDGE)),
+            s.Snapshot(hint="It ends under “Replay”.", mode=Mode.REPLAY, inspection=Inspection(QuestionName.EDGE)),
             'tab="Why"',
         ),
-        (Snapshot(hint="Drive.", work=JobProgress("Opening")), ""),
+        (s.Snapshot(hint="Drive.", work=s.JobProgress("Opening")), ""),
     ],
 )
-def test_a_page_opens_with_the_tab_that_its_first_hint_names(snapshot: Snapshot, tab: str) -> None:
+def test_a_page_opens_with_the_tab_that_its_first_hint_names(snapshot: s.Snapshot, tab: str) -> None:
     assert first_tab(snapshot).endswith(tab)
     assert bool(tab) == bool(first_tab(snapshot))
 
@@ -65,11 +52,13 @@ def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) 
     evil = "<img src=x onerror=alert(1)>"
     now = [0.0]
     status = StatusPanel(server.gui, clock=lambda: now[0])
-    status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
+    status.show(s.Snapshot(hint=evil, message=s.Message(evil, Severity.ERROR, 1)))
     now[0] += SECONDS[Severity.ERROR] + 1
-    status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
+    status.show(s.Snapshot(hint=evil, message=s.Message(evil, Severity.ERROR, 1)))
     replay = ReplayPanel(server.gui)
-    replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings={evil: ""}))
+    replay.show(
+        s.Snapshot(mode=Mode.REPLAY, replay=s.PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings={evil: ""})
+    )
     for markup in (status.hint, status.message, replay.about):
         assert "<img" not in markup.content
         assert "&lt;img" in markup.content
@@ -82,11 +71,11 @@ def test_a_sentence_with_several_keys_names_none_of_them_to_a_finger() -> None:
 
 
 def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbers_at_hand(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     status = StatusPanel(server.gui)
     rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
-    status.show(replace(snapshot, rates=rates, recording=RecordingStatus("a.rrd", 12, 3.0)))
+    status.show(replace(snapshot, rates=rates, recording=s.RecordingStatus("a.rrd", 12, 3.0)))
     line = status.line.content
     parts = ("manual", ">Good<", "12 images", "30 times a second", "41 ms", ">7<", "REC 0:03", 'data-ltvn-copy="rec"')
     for part in parts:
@@ -96,7 +85,7 @@ def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbe
 
 
 def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     status = StatusPanel(server.gui, clock=lambda: 0.0)
     status.show(snapshot)
@@ -111,7 +100,7 @@ def test_a_message_is_never_in_the_panel_while_its_notification_says_it(server: 
     now = [0.0]
     status = StatusPanel(server.gui, clock=lambda: now[0])
     for severity in Severity:
-        told = Snapshot(message=Message("a word", severity, 1))
+        told = s.Snapshot(message=s.Message("a word", severity, 1))
         status.show(replace(told, message=None))
         status.show(told)
         assert status.message.content == ""
@@ -120,29 +109,29 @@ def test_a_message_is_never_in_the_panel_while_its_notification_says_it(server: 
         assert ("a word" in status.message.content) == (severity is Severity.ERROR)
 
 
-def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     status = StatusPanel(server.gui)
-    status.show(replace(snapshot, work=JobProgress("Building the map", 840, 2000)))
+    status.show(replace(snapshot, work=s.JobProgress("Building the map", 840, 2000)))
     assert "Building the map… 840 of 2,000 images, 42 %" in status.hint.content
     assert 'aria-valuenow="42"' in status.hint.content
-    status.show(replace(snapshot, work=JobProgress("Importing a.mp4", 840)))
+    status.show(replace(snapshot, work=s.JobProgress("Importing a.mp4", 840)))
     assert "Importing a.mp4… 840 images so far" in status.hint.content
 
 
-def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     panel = DrivePanel(server.gui)
     panel.show(snapshot)
     html = panel.recording.content
     assert is_enabled(html, Action.RECORD)
     assert not is_enabled(html, Action.KEEP)
-    panel.show(replace(snapshot, recording=RecordingStatus("a.rrd", 1, 0.1)))
+    panel.show(replace(snapshot, recording=s.RecordingStatus("a.rrd", 1, 0.1)))
     html = panel.recording.content
     assert not is_enabled(html, Action.RECORD)
     assert is_enabled(html, Action.KEEP)
     assert is_enabled(html, Action.DISCARD)
 
 
-def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     panel = DrivePanel(server.gui)
     panel.show(replace(snapshot, mode=Mode.BUILDING))
     assert is_enabled(panel.map.content, Action.CANCEL)
@@ -150,7 +139,7 @@ def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserS
     assert Action.CANCEL not in panel.map.content
 
 
-def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(replace(snapshot, mode=Mode.NAVIGATING))
     for action in (Action.PAUSE, Action.STEP, Action.CANCEL):
@@ -160,7 +149,7 @@ def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.Viser
     assert "Resume" in panel.task.content
 
 
-def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert snapshot.gallery
@@ -169,25 +158,25 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
 
 
 def test_on_the_way_three_images_say_where_it_is_what_comes_next_and_where_it_goes(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert "<img" not in panel.way.content
-    panel.show(replace(snapshot, way=WayNodes(3, 5, 9)))
+    panel.show(replace(snapshot, way=s.WayNodes(3, 5, 9)))
     assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["3", "5", "9"]
-    panel.show(replace(snapshot, way=WayNodes(None, None, 9)))
+    panel.show(replace(snapshot, way=s.WayNodes(None, None, 9)))
     assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["9"]
 
 
 def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     ended = QueryEnded(query=4, goal=7, outcome=Outcome.CANCELLED, steps=1, collisions=0, path_m=0.0)
     still = snapshot.moment.progress
     for progress in (still._replace(query=4, goal=7), still._replace(query=None, ended=ended)):
-        there = replace(snapshot, moment=replace(snapshot.moment, progress=progress), way=WayNodes(3, 5, 7))
+        there = replace(snapshot, moment=replace(snapshot.moment, progress=progress), way=s.WayNodes(3, 5, 7))
         panel.show(replace(there, selected=7))
         assert "node 12" not in panel.state.content
         panel.show(replace(there, selected=12))
@@ -195,13 +184,13 @@ def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(
 
 
 def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert panel.upload_match.content == ""
-    places = (LikePlace(17, 0.913), LikePlace(4, -0.2))
-    panel.show(replace(snapshot, upload=UploadMatch("data:image/jpeg;base64,AA==", places)))
+    places = (s.LikePlace(17, 0.913), s.LikePlace(4, -0.2))
+    panel.show(replace(snapshot, upload=s.UploadMatch("data:image/jpeg;base64,AA==", places)))
     shown = panel.upload_match.content
     assert shown.count("<h2>") == 2
     assert 'src="data:image/jpeg;base64,AA=="' in shown
@@ -209,7 +198,7 @@ def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
 
 
 def test_panels_send_nothing_while_nothing_changes(
-    server: viser.ViserServer, snapshot: Snapshot, monkeypatch: pytest.MonkeyPatch
+    server: viser.ViserServer, snapshot: s.Snapshot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     panels = [
         StatusPanel(server.gui, clock=lambda: 0.0),
@@ -229,23 +218,23 @@ def test_panels_send_nothing_while_nothing_changes(
     assert sent == []
 
 
-def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
     panel = ReplayPanel(server.gui)
-    replay = PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
+    replay = s.PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
     panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
     assert controls(panel) == 3  # The list of recordings, “Open”, and “Back to the robot”: no slider.
     assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
 
 
 def test_of_a_recording_that_is_chosen_one_sees_when_it_was_written_and_how_large_it_is(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     panel = ReplayPanel(server.gui)
     panel.show(replace(snapshot, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
     assert "21:30, 3.1 MB" in panel.about.content
 
 
-def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: Snapshot) -> None:
+def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: s.Snapshot) -> None:
     told: list[str] = []
     panel = PadPanel(told.append)
     under_way = replace(snapshot, mode=Mode.NAVIGATING, destination=snapshot.gallery[0])
@@ -268,7 +257,7 @@ def test_each_message_is_notified_once_to_every_page() -> None:
     clients: Any = [SimpleNamespace(add_notification=add_notification)] * 2
     notices = Notifications(lambda: clients)
     for number in (1, 1, 2, 2):
-        notices.show(Snapshot(message=Message("same words", Severity.INFO, number)))
+        notices.show(s.Snapshot(message=s.Message("same words", Severity.INFO, number)))
     assert told == ["same words"] * 4
 
 
@@ -280,8 +269,8 @@ def test_a_message_has_its_own_title_or_that_of_how_grave_it_is() -> None:
 
     clients: Any = [SimpleNamespace(add_notification=add_notification)]
     notices = Notifications(lambda: clients)
-    notices.show(Snapshot(message=Message("words", Severity.WARN, 1, "Image not found in the map")))
-    notices.show(Snapshot(message=Message("words", Severity.WARN, 2)))
+    notices.show(s.Snapshot(message=s.Message("words", Severity.WARN, 1, "Image not found in the map")))
+    notices.show(s.Snapshot(message=s.Message("words", Severity.WARN, 2)))
     assert titles == ["Image not found in the map", TITLES[Severity.WARN]]
 
 
@@ -293,7 +282,7 @@ def test_what_is_said_before_a_page_is_open_is_notified_to_the_first_one() -> No
 
     clients: list[Any] = []
     notices = Notifications(lambda: clients)
-    snapshot = Snapshot(message=Message("The scene lacks textures.", Severity.WARN, 1))
+    snapshot = s.Snapshot(message=s.Message("The scene lacks textures.", Severity.WARN, 1))
     notices.show(snapshot)
     clients.append(SimpleNamespace(add_notification=add_notification))
     notices.show(snapshot)
@@ -317,17 +306,17 @@ def test_thumbnails_are_bounded() -> None:
 
 
 def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
-    server: viser.ViserServer, snapshot: Snapshot, caplog: pytest.LogCaptureFixture
+    server: viser.ViserServer, snapshot: s.Snapshot, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Broken:
-        def show(self, snapshot: Snapshot) -> None:
+        def show(self, snapshot: s.Snapshot) -> None:
             raise ValueError("no ink")
 
     class Told:
-        def show(self, snapshot: Snapshot) -> None:
+        def show(self, snapshot: s.Snapshot) -> None:
             told.append(snapshot.message)
 
-    told: list[Message | None] = []
+    told: list[s.Message | None] = []
     status = StatusPanel(server.gui)
     painter = Painter([Broken(), status, Told()], server.atomic)
     painter.paint(snapshot)
@@ -341,23 +330,25 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
 def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(server: viser.ViserServer) -> None:
     now = [0.0]
     bar = StoryBar(server.gui, lambda: now[0])
-    bar.show(Snapshot(story=("The <door> closes.", "The plan changes."), story_goes_on=True))
+    bar.show(s.Snapshot(story=("The <door> closes.", "The plan changes."), story_goes_on=True))
     assert "The plan changes." in bar.caption.content
     assert "closes" not in bar.caption.content
-    bar.show(Snapshot(story=("The <door> is open.",), story_goes_on=True))
+    bar.show(s.Snapshot(story=("The <door> is open.",), story_goes_on=True))
     assert "&lt;door&gt;" in bar.caption.content
     now[0] += AFTERWARDS_S + 1
-    bar.show(Snapshot(story=("The <door> is open.",)))
+    bar.show(s.Snapshot(story=("The <door> is open.",)))
     assert "door" not in bar.caption.content
-    over = Snapshot(story=("The story is over.",))
+    over = s.Snapshot(story=("The story is over.",))
     bar.show(over)
     assert "over" in bar.caption.content
 
 
 def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_another(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
-    world = WorldView(FloorView(0, 0, 5, 5), (DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, "")
+    world = s.WorldView(
+        s.FloorView(0, 0, 5, 5), (s.DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, ""
+    )
     panel = WorldPanel(server.gui)
     snapshot = replace(snapshot, no_story="")
     panel.show(replace(snapshot, world=world))
@@ -375,12 +366,12 @@ def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_anothe
 
 
 def test_the_floor_plan_offers_the_next_step_and_afterwards_the_option_to_copy(
-    server: viser.ViserServer, snapshot: Snapshot
+    server: viser.ViserServer, snapshot: s.Snapshot
 ) -> None:
     panel = FloorPlanPanel(server.gui)
     panel.show(snapshot)
     assert not panel.buttons.content, "there is no floor plan"
-    view = FloorPlanView(laid_room().plan)
+    view = s.FloorPlanView(laid_room().plan)
     panel.show(replace(snapshot, floor_plan=view))
     assert is_enabled(panel.buttons.content, Action.ALIGN_PLAN)
     one = replace(view, is_aligning=True, pairs=1, marks=((0.0, 0.0), (1.0, 0.0)))

@@ -78,7 +78,6 @@ def test_a_page_that_floods_a_socket_loses_it_and_is_told_why(
         _send_again_and_again(socket, message)
     reader.join()
     assert (socket.close_code, socket.close_reason) == (CloseCode.POLICY_VIOLATION, "too many messages")
-
     assert server.seat.state_of(driver.number).driver == driver.number
     driver.settle()
     if name == "drive":

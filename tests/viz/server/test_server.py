@@ -192,7 +192,6 @@ def test_a_saved_file_is_handed_out_for_the_token_alone_and_by_its_number_alone(
     written.write_bytes(b"a moment")
     server.add_route(SAVED_PREFIX, files.read, ending=SAVED_ENDING)
     address, again = files.offer(written).address, files.offer(written).address
-
     answer = get(server, address, **shown(server))
     assert (answer.status, answer.body) == (200, b"a moment")  # type: ignore[attr-defined]
     assert get(server, address).status == 401
@@ -229,10 +228,7 @@ def test_listening_to_the_network_is_refused() -> None:
 
 @pytest.mark.parametrize("message", ["{", "x" * 5000, '{"type": "drive"}', b"\x00\xff"])
 def test_an_invalid_message_closes_only_its_own_socket(server: GuardedServer, message: str | bytes) -> None:
-    with (
-        open_socket(server, "/drive") as good,
-        open_socket(server, "/drive") as bad,
-    ):
+    with open_socket(server, "/drive") as good, open_socket(server, "/drive") as bad:
         bad.recv(timeout=PATIENCE_S)
         bad.send(message)
         with pytest.raises(ConnectionClosed):

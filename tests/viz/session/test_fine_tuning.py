@@ -18,18 +18,8 @@ from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
 from ltvn_core.types import ZERO_TWIST, Twist
+from ltvn_viz.session import fine_tuning as tuning
 from ltvn_viz.session.fine_tuner import FineTuner, FineTuningRequest
-from ltvn_viz.session.fine_tuning import (
-    CALIBRATING,
-    JUDGING,
-    LEARNING,
-    FineTuning,
-    LearningTime,
-    Tune,
-    besides_words,
-    far_false_positives_grew,
-    result_lines,
-)
 from ltvn_viz.session.snapshot import FineTuningPhase
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
@@ -51,10 +41,14 @@ def executor() -> Iterator[ThreadPoolExecutor]:
         yield executor
 
 
-def fine_tuning_harness(folder: Path, tune: Tune | None = TUNER, executor: Executor | None = None) -> SessionHarness:
+def fine_tuning_harness(
+    folder: Path, tune: tuning.Tune | None = TUNER, executor: Executor | None = None
+) -> SessionHarness:
     """A session with a drive at hand and tiny weights to fine-tune."""
     weights = tiny_weights(folder.parent)
-    harness = SessionHarness(folder, mapped=False, fine_tuning=FineTuning(tune, weights, executor or InlineExecutor()))
+    harness = SessionHarness(
+        folder, mapped=False, fine_tuning=tuning.FineTuning(tune, weights, executor or InlineExecutor())
+    )
     show_drive(harness)
     harness.wait()
     return harness
@@ -130,7 +124,6 @@ def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_b
     assert 0 <= shares[0] < shares[-1] <= 1
     assert [told[0][1], told[-1][1]] == ["reading and labelling the drive", "judging the weights after"]
     assert {"looking at boxes", "learning"} <= {doing for _, doing in told}
-
     now = harness.do(c.UseWeights(), ticks=3)
     assert now.mode is Mode.TELEOP
     assert now.weights == harness.state.live_map.fingerprint == weights_fingerprint(weights)
@@ -258,17 +251,17 @@ def test_weights_that_see_more_far_false_positives_are_kept_but_not_offered(fold
 
 
 def test_far_false_positives_within_chance_are_no_more_than_before() -> None:
-    assert not far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.0004)))
-    assert not far_false_positives_grew(learned(drive_metrics(float("nan")), drive_metrics(float("nan"))))
-    assert not far_false_positives_grew(learned({}, {}))
-    assert far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.001)))
+    assert not tuning.far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.0004)))
+    assert not tuning.far_false_positives_grew(learned(drive_metrics(float("nan")), drive_metrics(float("nan"))))
+    assert not tuning.far_false_positives_grew(learned({}, {}))
+    assert tuning.far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.001)))
 
 
 def test_the_result_is_two_plain_lines() -> None:
-    here, simulation = result_lines(learned(drive_metrics(0.004, 0.0738), drive_metrics(0.002, 0.0689)))
+    here, simulation = tuning.result_lines(learned(drive_metrics(0.004, 0.0738), drive_metrics(0.002, 0.0689)))
     assert here == "Here: false links 0.40 → 0.20 %, waypoint error 7.4 → 6.9 cm."
     assert simulation.startswith("Simulated: false links")
-    assert "nothing to evaluate" in result_lines(learned({}, {}))[0]
+    assert "nothing to evaluate" in tuning.result_lines(learned({}, {}))[0]
 
 
 def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
@@ -314,9 +307,14 @@ def clock() -> Clock:
 
 
 def test_one_minute_of_learning_on_a_slow_computer_is_said_to_take_what_it_takes(clock: Clock) -> None:
-    lesson = LearningTime(1, clock)
+    lesson = tuning.LearningTime(1, clock)
     said = [lesson.left]
-    for doing, seconds in (("drawing simulated rooms", 90), (JUDGING, 150), (LEARNING, 60), (CALIBRATING, 170)):
+    for doing, seconds in (
+        ("drawing simulated rooms", 90),
+        (tuning.JUDGING, 150),
+        (tuning.LEARNING, 60),
+        (tuning.CALIBRATING, 170),
+    ):
         lesson.hear(doing)
         said.append(lesson.left)
         clock.now += seconds
@@ -329,13 +327,13 @@ def test_one_minute_of_learning_on_a_slow_computer_is_said_to_take_what_it_takes
     ]
     assert lesson.left == "about 3 min left"
     assert lesson.besides_s == 410
-    assert "took 7 min more" in besides_words(lesson.besides_s)
+    assert "took 7 min more" in tuning.besides_words(lesson.besides_s)
 
 
 def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(clock: Clock) -> None:
-    lesson = LearningTime(3, clock)
-    lesson.hear(LEARNING)
+    lesson = tuning.LearningTime(3, clock)
+    lesson.hear(tuning.LEARNING)
     clock.now += 60
     assert lesson.left == "about 2 min left"
     assert lesson.besides_s is None
-    assert "after the first run" in besides_words(lesson.besides_s)
+    assert "after the first run" in tuning.besides_words(lesson.besides_s)

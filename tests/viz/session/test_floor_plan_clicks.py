@@ -72,11 +72,9 @@ def test_pairs_move_the_plan_to_where_it_lies_and_no_click_starts_the_robot(alig
     assert "Click a node" in aligning.harness.now.hint
     aligning.click(first)
     np.testing.assert_array_equal(aligning.frame, np.zeros(3))
-
     shown = aligning.click(last)
     np.testing.assert_allclose(aligning.frame, TRUE_FRAME, atol=0.02)
     assert "fits to 0.0" in shown.hint
-
     # The third place is clicked on the plan that has moved already.
     shown = aligning.click(middle)
     np.testing.assert_allclose(aligning.frame, TRUE_FRAME, atol=0.02)
@@ -87,7 +85,6 @@ def test_the_option_that_is_told_gives_the_same_alignment(aligning: Aligning) ->
     for node in aligning.nodes:
         aligning.click(node)
     aligning.harness.do(c.UseAlignment())
-
     option, *pairs = aligning.view.align.split()
     assert option == "--align"
     np.testing.assert_allclose(align_floor_plan(pairs, aligning.poses).pose, aligning.frame, atol=1e-9)
@@ -101,7 +98,6 @@ def test_an_alignment_that_is_left_changes_nothing_and_one_in_use_is_kept(aligni
     aligning.click(last)
     aligning.harness.do(c.UseAlignment())
     used, option = aligning.frame, aligning.view.align
-
     aligning.harness.do(c.AlignFloorPlan())
     aligning.click(first)
     aligning.click(last, wrong_by_m=0.4)

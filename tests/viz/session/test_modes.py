@@ -79,13 +79,6 @@ def test_letting_go_stops_the_robot_at_once(harness: SessionHarness) -> None:
     assert harness.robot.twist == ZERO_TWIST
 
 
-def test_stop_ends_a_navigation_query(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
-    harness.do(c.StopRobot(), ticks=3)
-    assert harness.session.mode is Mode.TELEOP
-    assert harness.robot.twist == ZERO_TWIST
-
-
 def test_a_paused_robot_stands_until_it_is_told_to_go_on(harness: SessionHarness) -> None:
     harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
     harness.do(c.Pause(), ticks=10)
@@ -105,14 +98,6 @@ def test_a_step_is_one_control_step_and_then_a_pause(harness: SessionHarness) ->
     harness.do(c.StepOnce(), ticks=30)
     assert harness.now.mode is Mode.PAUSED
     assert harness.robot.step == before + 1
-
-
-def test_cancelling_a_paused_query_ends_it(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
-    harness.do(c.Pause(), ticks=10)
-    shown = harness.do(c.Cancel(), ticks=5)
-    assert shown.mode is Mode.TELEOP
-    assert shown.moment.progress.query is None
 
 
 def test_picking_a_node_goes_there_when_idle_and_only_chooses_it_on_the_way(harness: SessionHarness) -> None:

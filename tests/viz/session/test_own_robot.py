@@ -14,7 +14,7 @@ from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
 from ltvn_viz.session.live_run import TICK_S, LiveRobot
-from ltvn_viz.session.snapshot import ImageSource, Snapshot
+from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
@@ -120,16 +120,6 @@ def test_a_held_key_drives_it_and_the_page_draws_it_where_its_odometry_says(harn
     drawn = harness.wait().moment.robot
     assert drawn is not None
     np.testing.assert_allclose(drawn, harness.own.body.pose)
-
-
-def test_the_page_shows_the_image_that_the_method_works_with_also_while_it_stands(harness: OwnRobotSession) -> None:
-    first = harness.now.camera
-    assert first is not None
-    assert first.source is ImageSource.OBSERVATION
-    frames = harness.now.moment.frames
-    later = harness.wait(6)
-    assert later.camera is not first
-    assert later.moment.frames == frames
 
 
 def test_it_stops_by_itself_when_the_session_hangs(harness: OwnRobotSession) -> None:

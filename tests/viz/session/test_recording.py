@@ -69,16 +69,6 @@ def test_a_recording_holds_the_map_and_every_image_its_events_name(harness: Sess
     assert set(harness.state.live_map.graph.nodes) <= held
 
 
-def test_a_full_disk_ends_the_recording_keeps_the_file_and_says_so(harness: SessionHarness) -> None:
-    record(harness, ticks=5)
-    harness.writers[0].full = True
-    harness.driver.twist = Twist(0.3, 0.0)
-    shown = harness.until(lambda now: now.recording.name is None)
-    assert "No space left" in said(shown)
-    assert harness.writers[0].closed
-    assert harness.writers[0].path.exists()
-
-
 def test_an_unwritable_folder_is_a_clear_error(tmp_path: Path) -> None:
     blocked = tmp_path / "a file"
     blocked.write_text("in the way", encoding="utf-8")

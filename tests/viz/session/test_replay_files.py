@@ -19,14 +19,13 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import tour
 from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP, GOLDEN_RECORDING
-from tests.viz.session_harness import FakeDriver, SessionHarness, said
+from tests.viz.app_session import AppSession
+from tests.viz.session_harness import SessionHarness, said
 
 
 def with_random_image(seen: Observation, rng: np.random.Generator) -> Observation:
@@ -58,26 +57,21 @@ def open_state() -> Iterator[Callable[[AppOptions], AppState]]:
         yield lambda options: open_app_state(options, stack, ThumbnailStore())
 
 
-def test_a_recording_of_an_unknown_scene_is_watched_without_robot_and_walls(
-    recording: Path, open_state: Callable[[AppOptions], AppState]
-) -> None:
-    state = open_state(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
-    shown: list[Snapshot] = []
-    session = Session(state, FakeDriver(), shown.append)
-    session.send(c.OpenRecording(recording.name))
-    session.tick()
-    state.worker.settle()
-    session.send(c.Seek(1e9))
-    session.tick()
-    assert shown[-1].mode is Mode.REPLAY
-    assert shown[-1].moment.robot is not None
-    assert len(shown[-1].moment.graph.ids) > 2
-    assert shown[-1].camera is not None
-    session.send(c.CloseRecording())
-    session.tick()
-    assert shown[-1].mode is Mode.TELEOP
-    assert shown[-1].moment.robot is None
-    session.close()
+def test_a_recording_of_an_unknown_scene_is_watched_at_any_moment_without_robot_and_walls(recording: Path) -> None:
+    with ExitStack() as stack:
+        options = AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name)
+        page = AppSession(stack, options)
+        opened = page.do(c.OpenRecording(recording.name, at_s=1.5), ticks=2)
+        assert opened.replay is not None
+        assert opened.replay.time_s == 1.5
+        shown = page.do(c.Seek(1e9))
+        assert shown.mode is Mode.REPLAY
+        assert shown.moment.robot is not None
+        assert len(shown.moment.graph.ids) > 2
+        assert shown.camera is not None
+        shown = page.do(c.CloseRecording())
+        assert shown.mode is Mode.TELEOP
+        assert shown.moment.robot is None
 
 
 def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(
@@ -155,19 +149,6 @@ def test_a_map_to_begin_with_that_is_not_there_is_named(
 ) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
         open_state(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
-
-
-def test_a_recording_can_be_opened_at_a_moment(recording: Path, open_state: Callable[[AppOptions], AppState]) -> None:
-    state = open_state(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
-    shown: list[Snapshot] = []
-    session = Session(state, FakeDriver(), shown.append)
-    session.send(c.OpenRecording(recording.name, at_s=1.5))
-    session.tick()
-    state.worker.settle()
-    session.tick()
-    assert shown[-1].replay is not None
-    assert shown[-1].replay.time_s == 1.5
-    session.close()
 
 
 @needs_posix

@@ -31,7 +31,6 @@ class Robot:
 def test_each_change_is_told_once_in_plain_words() -> None:
     robot = Robot()
     broken = replace(WELL, is_connected=False, picture_age_s=3.0)
-
     assert robot.said(WELL) == ""
     assert "TurtleBot 4 does not answer: the link broke. It is stopped" in robot.said(broken)
     assert robot.link.news is not None
@@ -47,7 +46,6 @@ def test_each_change_is_told_once_in_plain_words() -> None:
 def test_a_guard_that_refuses_to_drive_forwards_is_told_while_it_does_and_nothing_comes_after() -> None:
     robot = Robot()
     walled = replace(WELL, restrained_because="there is an obstacle 0.20 m in front of the robot")
-
     assert "0.20 m in front" in robot.said(walled)
     assert "0.20 m in front" in health_numbers(Snapshot(link=walled))
     assert robot.said(replace(walled, restrained_because="there is an obstacle 0.10 m in front of the robot")) == ""
@@ -70,14 +68,12 @@ def test_a_weak_link_is_slow_and_a_lost_one_is_trouble(
     change: dict[str, float], quality: LinkQuality, health: Health
 ) -> None:
     report = replace(WELL, **change)
-
     assert report.quality is quality
     assert health_of(Snapshot(link=report)).health is health
 
 
 def test_the_line_is_quiet_and_the_numbers_are_behind_it() -> None:
     line = link_line(WELL)
-
     assert "link <b>good</b> · picture <b>0.1</b> s · odometry <b>0.0</b> s · battery <b>83%</b>" in line
     assert "battery" not in link_line(replace(WELL, battery=None))
     assert "10 a second, 0% got lost" in health_numbers(Snapshot(link=WELL))

@@ -7,20 +7,13 @@ import pytest
 from ltvn_core.errors import OptionError
 from ltvn_viz.server.drive_messages import LinkMessage, parse_message
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.session.share_links import (
-    QUESTION_WORDS,
-    commands_from_link,
-    link,
-    question_commands,
-)
+from ltvn_viz.session.share_links import QUESTION_WORDS, commands_from_link, link, question_commands
 from ltvn_viz.wishes import commands as c
 
 
 def test_a_link_is_read_as_it_was_written() -> None:
     address = link("a b&c=ä.rrd", 12.34, QuestionName.WHAT_IF, Selection(12, (12, 40)))
-
     (opening,) = commands_from_link(urlsplit(address).query)
-
     assert isinstance(opening, c.OpenRecording)
     assert (opening.name, opening.at_s) == ("a b&c=ä.rrd", 12.34)
     question, pointing = opening.then

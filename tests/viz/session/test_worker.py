@@ -105,13 +105,6 @@ def test_building_can_be_cancelled_and_keeps_the_old_map(tmp_path: Path, executo
     assert set(harness.state.live_map.graph.nodes) == before
 
 
-def test_building_replaces_the_map_and_the_page_shows_the_new_one(harness: SessionHarness) -> None:
-    harness.do(c.BuildMap(), ticks=3)
-    assert harness.now.mode is Mode.TELEOP
-    assert harness.now.moment.graph.ids.tolist() == list(harness.state.live_map.graph.nodes)
-    assert len(harness.now.moment.graph.p) == len(harness.state.live_map.graph.edges)
-
-
 def test_building_from_nothing_says_what_to_do_first(tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path, mapped=False)
     harness.state.live_map.keyframes.keep_only([])

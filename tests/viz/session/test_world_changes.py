@@ -195,7 +195,6 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     until(lambda: state.actions.state() is ActionState.PENDING, meanwhile=apartment.session.tick)
     apartment.do(c.EndAction(succeeded=True))
     until(lambda: apartment.now.waiting is None, meanwhile=apartment.session.tick)
-
     stands = end if not away_m else start
     np.testing.assert_allclose(state.live.robot.drawn_pose[:2], stands[:2], atol=0.3)
     message = apartment.now.message

@@ -6,19 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.analysis.map_history import GraphArrays, GraphHistory
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    PoseRow,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Twist
 from ltvn_viz.session.snapshot_builder import hint
@@ -26,34 +14,34 @@ from ltvn_viz.timeline.run_moment import moment_of
 from tests.viz.session_harness import SessionHarness
 
 
-def some_history(rng: np.random.Generator, length: int = 300) -> list[GraphDelta]:
+def some_history(rng: np.random.Generator, length: int = 300) -> list[d.GraphDelta]:
     """Return deltas that make sense one after the other."""
     graph, deltas, next_id = TopologicalGraph(), [], 0
     for _ in range(length):
         delta = _some_delta(rng, graph, next_id)
-        next_id += isinstance(delta, NodeAdded)
+        next_id += isinstance(delta, d.NodeAdded)
         graph.apply(delta)
         deltas.append(delta)
     return deltas
 
 
-def _some_delta(rng: np.random.Generator, graph: TopologicalGraph, next_id: int) -> GraphDelta:
+def _some_delta(rng: np.random.Generator, graph: TopologicalGraph, next_id: int) -> d.GraphDelta:
     edges, nodes = list(graph.edges), list(graph.nodes)
     kind = rng.random()
     if edges and kind < 0.2:
-        return BeliefUpdated(
-            *edges[rng.integers(len(edges))], Belief(float(rng.random()), 1.0, 0.1), 1, 0, Cause.ATTEMPT
+        return d.BeliefUpdated(
+            *edges[rng.integers(len(edges))], d.Belief(float(rng.random()), 1.0, 0.1), 1, 0, d.Cause.ATTEMPT
         )
     if edges and kind < 0.3:
-        return EdgePruned(*edges[rng.integers(len(edges))], Cause.ATTEMPT)
+        return d.EdgePruned(*edges[rng.integers(len(edges))], d.Cause.ATTEMPT)
     if len(nodes) > 4 and kind < 0.35:
-        return NodeDropped(nodes[rng.integers(len(nodes))], Cause.HAND)
+        return d.NodeDropped(nodes[rng.integers(len(nodes))], d.Cause.HAND)
     if len(nodes) > 1 and kind < 0.8:
         source, target = rng.choice(nodes, 2, replace=False).tolist()
         if (source, target) not in graph.edges:
-            edge = Edge(source, target, PoseRow(1, 0, 0), Belief(float(rng.random()), 1.0, 0.1))
-            return EdgeAdded(edge, Cause.ONLINE)
-    return NodeAdded(Node(next_id, PoseRow(*rng.random(3).tolist())), Cause.ONLINE)
+            edge = d.Edge(source, target, d.PoseRow(1, 0, 0), d.Belief(float(rng.random()), 1.0, 0.1))
+            return d.EdgeAdded(edge, d.Cause.ONLINE)
+    return d.NodeAdded(d.Node(next_id, d.PoseRow(*rng.random(3).tolist())), d.Cause.ONLINE)
 
 
 def same(view: GraphArrays, graph: TopologicalGraph) -> bool:
@@ -89,11 +77,11 @@ def test_the_past_does_not_change_when_the_history_goes_on() -> None:
 def test_edges_glow_when_they_come_and_fade_when_they_go() -> None:
     history = GraphHistory()
     for node in (1, 2):
-        history.apply(NodeAdded(Node(node, PoseRow(node, 0, 0)), Cause.ONLINE), 0.0)
-    edge = Edge(1, 2, PoseRow(1, 0, 0), Belief(0.9, 1.0, 0.1))
-    history.apply(EdgeAdded(edge, Cause.ONLINE), 1.0)
+        history.apply(d.NodeAdded(d.Node(node, d.PoseRow(node, 0, 0)), d.Cause.ONLINE), 0.0)
+    edge = d.Edge(1, 2, d.PoseRow(1, 0, 0), d.Belief(0.9, 1.0, 0.1))
+    history.apply(d.EdgeAdded(edge, d.Cause.ONLINE), 1.0)
     np.testing.assert_allclose(history.added_edges(3, 2.0, 3.0).ages_s, [1.0])
-    history.apply(EdgePruned(1, 2, Cause.ATTEMPT), 2.0)
+    history.apply(d.EdgePruned(1, 2, d.Cause.ATTEMPT), 2.0)
     assert not len(history.added_edges(4, 2.5, 3.0).ages_s)
     np.testing.assert_allclose(history.removed_edges(4, 2.5, 3.0).ages_s, [0.5])
     assert not len(history.removed_edges(4, 6.0, 3.0).ages_s)
@@ -102,8 +90,8 @@ def test_edges_glow_when_they_come_and_fade_when_they_go() -> None:
 def test_a_loaded_map_does_not_glow() -> None:
     history = GraphHistory()
     for node in (1, 2):
-        history.apply(NodeAdded(Node(node, PoseRow(node, 0, 0)), Cause.LOAD), 0.0)
-    history.apply(EdgeAdded(Edge(1, 2, PoseRow(1, 0, 0), Belief(0.9, 1.0, 0.1)), Cause.LOAD), 0.0)
+        history.apply(d.NodeAdded(d.Node(node, d.PoseRow(node, 0, 0)), d.Cause.LOAD), 0.0)
+    history.apply(d.EdgeAdded(d.Edge(1, 2, d.PoseRow(1, 0, 0), d.Belief(0.9, 1.0, 0.1)), d.Cause.LOAD), 0.0)
     assert not len(history.added_edges(3, 0.0, 3.0).ages_s)
 
 

@@ -31,7 +31,6 @@ def rows_of(run: Timeline) -> list[tuple[int, ...]]:
 def test_of_a_recording_with_faults_queries_failures_and_the_prune_are_marked_in_order() -> None:
     run = Timeline.of(Recording.open(DEMO_FAULT).events)
     rows = rows_of(run)
-
     kinds = [kind for _, kind, *_ in rows]
     assert kinds.count(StripKind.QUERY_BEGAN) == 4
     assert [row[3] for row in rows if row[1] == StripKind.QUERY_ENDED] == [
@@ -64,7 +63,6 @@ def test_a_page_that_has_some_rows_is_given_the_others_and_a_run_in_another_orde
     whole = json.loads(library.rows_from(number * STRIP_NUMBERS) or b"")
     rest = json.loads(library.rows_from(number * STRIP_NUMBERS + 3) or b"")
     assert (len(whole["rows"]), rest["first"], rest["rows"]) == (count, 3, whole["rows"][3:])
-
     run.append_event(StampedEvent(1, CONTROL_STEP_S, example_runs.ended(0, 1, Outcome.CANCELLED)))
     other, _ = library.of(run)
     assert other != number
@@ -88,7 +86,6 @@ def test_a_moment_is_told_once_and_time_that_only_goes_on_ten_times_a_second() -
         now[0] = tick / 30
         panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0], length_s=9.0)))
     assert 9 <= len(told) <= 11
-
     panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0] + 0.01, length_s=9.0, is_playing=True)))
     assert json.loads(told[-1])["playing"] is True
     before = len(told)
@@ -107,7 +104,6 @@ def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(harness: SessionHa
     harness.wait(90)
     length_s = harness.now.timeline.length_s
     assert harness.now.timeline.is_now
-
     back = do(harness, Action.SEEK, round(1000 * (length_s - 1.0)))
     assert (back.is_now, back.is_playing) == (False, False)
     assert "shows the past" in harness.now.hint
@@ -145,7 +141,6 @@ def test_back_from_a_robot_that_stands_the_last_thing_that_happened_comes_first(
     run = example_runs.timeline()
     last = run.instant(len(run.events) - 1)
     later = Instant(last.step, last.stamp + 60.0)
-
     assert adjacent_instant(run, later, forwards=False) == last
     before = adjacent_instant(run, last, forwards=False)
     assert before is not None

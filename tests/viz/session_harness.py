@@ -17,12 +17,12 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Predictor, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, NodeId, Observation, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.session.activities.playback import Playback
@@ -219,6 +219,17 @@ class SessionHarness:
     def now(self) -> Snapshot:
         """What the page shows."""
         return self.shown[-1]
+
+    @property
+    def far_node(self) -> NodeId:
+        """The node on show that is farthest from the robot."""
+        graph = self.now.moment.graph
+        return int(graph.ids[np.hypot(*(graph.poses[:, :2] - self.robot.pose[:2]).T).argmax()])
+
+    @property
+    def an_edge(self) -> EdgeKey:
+        """Some edge of the live map."""
+        return next(iter(self.state.live_map.graph.edges))
 
     def do(self, *commands: c.Command, ticks: int = 1) -> Snapshot:
         """Send commands, let ticks pass, and return what the page shows then."""

@@ -1,4 +1,4 @@
-"""Where the robot thinks it is, how sure it was over time, and which places the network confuses."""
+"""Where the robot thinks it is, how sure it was, and which places the network confuses or a picture looks like."""
 
 import math
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from ltvn_core.analysis.image_similarity import most_similar_nodes
 from ltvn_core.analysis.localisation_confidence import features_of, find_perceptual_aliases, localisation_heat_map
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.data.recording.reader import Recording
@@ -19,9 +20,10 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import StampedEvent
 from ltvn_core.types import NodeId, Observation
-from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at
+from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at, one_room
 from tests.repository import DEMO_DRIVE
 
+RNG = np.random.default_rng(0)
 SAME = np.array([0.1, 0.0, 0.0])
 LITERAL = replace(ROBUST, matching=replace(ROBUST.matching, temporal_support=False))
 
@@ -152,3 +154,30 @@ def test_a_map_whose_images_are_missing_says_so() -> None:
     place.matcher.keyframes.drop([2])
     with pytest.raises(MapError, match="image of frame 2"):
         find_perceptual_aliases(place.graph, place.matcher, LITERAL)
+
+
+def noise_images(count: int) -> KeyframeStore:
+    keyframes = KeyframeStore(FlatPredictor(one_room()))
+    for k in range(count):
+        patches = RNG.integers(0, 256, (9, 12, 3), dtype=np.uint8)
+        rgb = patches.repeat(8, axis=0).repeat(8, axis=1)
+        keyframes.add([replace(observation_at(np.zeros(3), k), rgb=rgb)])
+    return keyframes
+
+
+def test_the_same_image_comes_first_even_noisy_and_darker() -> None:
+    keyframes = noise_images(20)
+    seen = keyframes.observation(13).rgb.astype(np.float64) * 0.6 + RNG.normal(0, 10, (72, 96, 3))
+    ranked = most_similar_nodes(seen.clip(0, 255).astype(np.uint8), keyframes, range(20), 3)
+    assert ranked[0][0] == 13
+    assert ranked[0][1] > 0.9 > ranked[1][1]
+    assert len(ranked) == 3
+
+
+def test_a_blank_image_looks_like_nothing_in_particular() -> None:
+    ranked = most_similar_nodes(np.full((72, 96, 3), 90, np.uint8), noise_images(4), range(4), 2)
+    assert [likeness for _, likeness in ranked] == [0.0, 0.0]
+
+
+def test_without_nodes_nothing_looks_alike() -> None:
+    assert most_similar_nodes(np.zeros((72, 96, 3), np.uint8), noise_images(1), [], 3) == ()

@@ -36,7 +36,7 @@ from tests.viz.agent.called_tools import FILES, draw_call
 
 tools = RecordingTools(NamedFiles([RECORDINGS / name for name in FILES]))
 random = Random(38)
-for _ in range(40):
+for _ in range(20):
     tools.call(*draw_call(random))
 driving = [type(each).__name__ for each in gc.get_objects() if type(each) in (SimulatedRobot, LiveRun, RecordingWriter)]
 print(json.dumps({"calls": tools.calls, "refused": tools.refused, "loaded": [*sys.modules], "driving": driving}))
@@ -48,6 +48,6 @@ def test_calls_of_every_kind_load_and_make_nothing_that_drives() -> None:
         [sys.executable, "-c", _SERVE], cwd=ROOT, capture_output=True, text=True, check=True, timeout=300
     )
     found = json.loads(served.stdout.splitlines()[-1])
-    assert found["refused"] < found["calls"] == 40  # Many were answered.
+    assert found["refused"] < found["calls"] == 20  # Many were answered.
     assert found["driving"] == []
     assert not set(_MUST_NOT_BE_LOADED) & set(found["loaded"])

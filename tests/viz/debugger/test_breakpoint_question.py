@@ -42,13 +42,9 @@ def harness(harness: SessionHarness) -> SessionHarness:
     return harness
 
 
-def far_node(harness: SessionHarness) -> int:
-    return max(harness.state.live_map.graph.nodes)
-
-
 def driven(harness: SessionHarness) -> str:
     """Record a drive through the room and return the recording's name."""
-    harness.do(c.StartRecording(), c.NavigateTo(far_node(harness)))
+    harness.do(c.StartRecording(), c.NavigateTo(harness.far_node))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     harness.do(c.KeepRecording())
     return harness.writers[-1].path.name
@@ -92,7 +88,7 @@ def test_a_breakpoint_stops_there_and_nowhere_else_live_and_in_a_recording(
 
 
 def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harness: SessionHarness) -> None:
-    goal = far_node(harness)
+    goal = harness.far_node
     follow(harness, harness.do(c.PickNode(goal)), f"new query at node {goal}")
     harness.do(c.NavigateTo(goal))
     held = harness.until(lambda snapshot: snapshot.mode is not Mode.NAVIGATING)
@@ -103,7 +99,7 @@ def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harne
 
 def test_a_held_query_goes_on_to_its_end_when_it_is_let_go(harness: SessionHarness) -> None:
     follow(harness, harness.do(ticks=2), "new query")
-    harness.do(c.NavigateTo(far_node(harness)))
+    harness.do(c.NavigateTo(harness.far_node))
     held = harness.until(lambda snapshot: snapshot.mode is Mode.PAUSED)
     follow(harness, held, "remove", ticks=1)
     harness.do(c.Pause())
@@ -126,7 +122,7 @@ def test_nothing_is_typed_to_set_a_breakpoint(harness: SessionHarness) -> None:
 
 
 def test_a_breakpoint_finds_what_the_live_run_met_before_it_was_set(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(far_node(harness)))
+    harness.do(c.NavigateTo(harness.far_node))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     shown = follow(harness, harness.do(ticks=2), "end of a query")
     assert "Met once" in words(shown)

@@ -17,12 +17,8 @@ def harness(harness: SessionHarness) -> SessionHarness:
     return harness
 
 
-def an_edge(harness: SessionHarness) -> tuple[int, int]:
-    return next(iter(harness.state.live_map.graph.edges))
-
-
 def test_an_edge_is_cut_and_comes_back_as_it_was(harness: SessionHarness) -> None:
-    before, edge = harness.state.live_map.graph.copy(), an_edge(harness)
+    before, edge = harness.state.live_map.graph.copy(), harness.an_edge
     harness.do(c.PickNode(edge[0]))
     cut = follow(harness, harness.do(c.PickNode(edge[1])), "cut")
     graph = harness.state.live_map.graph.copy()
@@ -58,7 +54,7 @@ def test_nodes_are_neither_added_nor_changed_by_hand(harness: SessionHarness) ->
 
 
 def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
-    edge = an_edge(harness)
+    edge = harness.an_edge
     shown = follow(harness, harness.do(c.PointAt(*edge)), "protect")
     protected = harness.state.live_map.graph.edges[edge].protected
     follow(harness, shown, "allow pruning")
@@ -67,7 +63,7 @@ def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
 
 
 def test_a_change_is_in_the_recording_which_itself_cannot_be_changed(harness: SessionHarness) -> None:
-    edge = an_edge(harness)
+    edge = harness.an_edge
     harness.do(c.StartRecording(), ticks=2)
     follow(harness, harness.do(c.PointAt(*edge)), "cut")
     harness.do(c.KeepRecording())
@@ -78,7 +74,7 @@ def test_a_change_is_in_the_recording_which_itself_cannot_be_changed(harness: Se
 
 
 def test_the_map_is_not_changed_while_the_robot_drives_by_itself(harness: SessionHarness) -> None:
-    edge = an_edge(harness)
+    edge = harness.an_edge
     shown = harness.do(c.PointAt(*edge), c.NavigateTo(max(harness.state.live_map.graph.nodes)))
     shown = follow(harness, shown, "cut", ticks=1)
     assert edge in harness.state.live_map.graph.edges

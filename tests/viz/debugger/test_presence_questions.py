@@ -24,11 +24,6 @@ def harness(tmp_path: Path) -> SessionHarness:
     return open_harness(tmp_path)
 
 
-def an_edge(harness: SessionHarness) -> tuple[int, int]:
-    """Return an edge."""
-    return next(iter(harness.state.live_map.graph.edges))
-
-
 def looks_of(snapshot: Snapshot) -> list[bool]:
     """Return whether each look at the edge on show found it open, oldest first."""
     charts = [block for block in answer_of(snapshot).blocks if isinstance(block, PresenceChart)]
@@ -36,7 +31,7 @@ def looks_of(snapshot: Snapshot) -> list[bool]:
 
 
 def test_presence_is_told_of_once_something_was_seen_blocked(harness: SessionHarness) -> None:
-    edge = an_edge(harness)
+    edge = harness.an_edge
     before = words(harness.do(c.ChooseQuestion(QuestionName.EDGE), ticks=2))
     see(harness, edge, 8 * HOUR + 60, present=False)
     after = words(harness.do(c.ChooseQuestion(QuestionName.EDGE), ticks=2))
@@ -46,7 +41,7 @@ def test_presence_is_told_of_once_something_was_seen_blocked(harness: SessionHar
 
 
 def test_the_strip_shows_what_was_seen_and_what_is_expected(harness: SessionHarness) -> None:
-    source, target = an_edge(harness)
+    source, target = harness.an_edge
     see(harness, (source, target), 8 * HOUR + 60, present=False)
     see(harness, (source, target), 8 * HOUR + 1200, present=True)
     see(harness, (source, target), 9 * HOUR, present=False)
@@ -64,7 +59,7 @@ def test_the_strip_shows_what_was_seen_and_what_is_expected(harness: SessionHarn
 def test_of_an_edge_that_was_met_blocked_but_is_not_followed_no_one_says_it_was_never_blocked(
     harness: SessionHarness,
 ) -> None:
-    edge, live = an_edge(harness), harness.state.live
+    edge, live = harness.an_edge, harness.state.live
     live.emit(QueryStarted(1, edge[1]))
     live.emit(AttemptStarted(1, 1, *edge, edge[0], PoseRow(1.0, 0.0, 0.0), 0.9))
     live.emit(
@@ -77,7 +72,7 @@ def test_of_an_edge_that_was_met_blocked_but_is_not_followed_no_one_says_it_was_
 
 
 def test_a_strip_tells_what_was_known_at_the_moment_of_a_replay(harness: SessionHarness) -> None:
-    edge = an_edge(harness)
+    edge = harness.an_edge
     harness.do(c.StartRecording(), ticks=3)
     harness.driver.twist = None
     see(harness, edge, 8 * HOUR + 60, present=False)
@@ -115,7 +110,7 @@ def test_the_plan_at_another_time_of_day_is_drawn_with_what_would_be_open(harnes
     nodes = sorted(harness.state.live_map.graph.nodes)
     harness.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText(f"from {nodes[0]}"), ticks=2)
     shown = harness.do(c.SubmitText(f"goal {nodes[-1]}"), c.SubmitText("belief weight = 2"), ticks=3)
-    see(harness, an_edge(harness), 9 * HOUR, present=False)
+    see(harness, harness.an_edge, 9 * HOUR, present=False)
     shown = harness.do(ticks=15)
     assert "It is day 1, 09:00" in words(shown)
     shown = follow(harness, shown, "at 18:00", ticks=4)
@@ -125,7 +120,7 @@ def test_the_plan_at_another_time_of_day_is_drawn_with_what_would_be_open(harnes
 
 
 def test_what_changed_since_an_hour_ago_names_doors_and_edges(harness: SessionHarness) -> None:
-    source, target = an_edge(harness)
+    source, target = harness.an_edge
     harness.wait(3)
     harness.state.live.emit(WorldChanged(DoorMoved(2, is_open=False), at_s=10 * HOUR))
     see(harness, (source, target), 10 * HOUR + 60, present=False)
@@ -139,7 +134,7 @@ def test_what_changed_since_an_hour_ago_names_doors_and_edges(harness: SessionHa
 
 
 def test_a_time_may_be_typed_and_one_to_come_is_refused(harness: SessionHarness) -> None:
-    see(harness, an_edge(harness), 10 * HOUR, present=False)
+    see(harness, harness.an_edge, 10 * HOUR, present=False)
     harness.do(c.ChooseQuestion(QuestionName.COMPARE), ticks=2)
     refused = harness.do(c.SubmitText("day 1 23:00"))
     assert "It is only day 1, 10:00" in said(refused)

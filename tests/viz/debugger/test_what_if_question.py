@@ -10,16 +10,14 @@ from ltvn_core.analysis.answer import Paragraph, Strong
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
 from tests.viz.debugger.answer_links import answer_of, follow, words
 from tests.viz.session_harness import SessionHarness, said
 
 
 @pytest.fixture
 def harness(harness: SessionHarness) -> SessionHarness:
-    """A live map of one room after a drive through it, the tool on show."""
-    harness.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.NavigateTo(max(harness.state.live_map.graph.nodes)))
-    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    """A live map of one room with the tool on show."""
+    harness.do(c.ChooseQuestion(QuestionName.WHAT_IF))
     return harness
 
 
@@ -56,7 +54,7 @@ def plan_on_show(snapshot: Snapshot) -> list[tuple[int, int]]:
 
 
 def test_the_edge_of_two_clicked_nodes_can_be_imagined_by_links(harness: SessionHarness) -> None:
-    source, target = next(iter(harness.state.live_map.graph.edges))
+    source, target = harness.an_edge
     shown = harness.do(c.PickNode(source), c.PickNode(target))
     shown = follow(harness, shown, f"p({source}->{target}) = 0.1")
     forgotten = follow(harness, shown, "forget")

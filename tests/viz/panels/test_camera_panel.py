@@ -26,10 +26,10 @@ def test_the_pixels_of_the_method_are_sent_as_they_are_beside_their_depth(size: 
     np.testing.assert_array_equal(sent[:, size[1] + GAP :], depth_colours(depth))
 
 
-def test_what_travels_is_hardly_less_than_the_pixels(server: viser.ViserServer) -> None:
+def test_what_travels_is_hardly_less_than_the_pixels(gui: viser.GuiApi) -> None:
     sent: list[bytes] = []
     rgb = noise(72, 96)
-    CameraPanel(server.gui, sent.append).show(Snapshot(camera=CameraImage(rgb, None)))
+    CameraPanel(gui, sent.append).show(Snapshot(camera=CameraImage(rgb, None)))
     decoded = np.asarray(Image.open(io.BytesIO(sent[0])))[:, :96].astype(int)
     assert np.abs(decoded - rgb).mean() < 4  # Noise is the worst that a JPEG can be given.
 
@@ -44,9 +44,9 @@ def test_near_is_lighter_than_far_and_no_return_is_black() -> None:
     assert near.sum() > far.sum() > none.sum() == 0
 
 
-def test_the_camera_is_sent_at_most_fifteen_times_a_second(server: viser.ViserServer) -> None:
+def test_the_camera_is_sent_at_most_fifteen_times_a_second(gui: viser.GuiApi) -> None:
     now = [0.0]
-    panel = CameraPanel(server.gui, nothing, clock=lambda: now[0])
+    panel = CameraPanel(gui, nothing, clock=lambda: now[0])
     views = [CameraImage(np.full((72, 96, 3), k, np.uint8), np.ones((72, 96), np.float32)) for k in range(30)]
     shown = []
     for view in views:
@@ -56,10 +56,10 @@ def test_the_camera_is_sent_at_most_fifteen_times_a_second(server: viser.ViserSe
     assert 10 <= len({id(view) for view in shown}) <= 16
 
 
-def test_a_robot_that_stands_before_the_same_is_not_sent_again(server: viser.ViserServer) -> None:
+def test_a_robot_that_stands_before_the_same_is_not_sent_again(gui: viser.GuiApi) -> None:
     sent: list[bytes] = []
     now = [0.0]
-    panel = CameraPanel(server.gui, sent.append, clock=lambda: now[0])
+    panel = CameraPanel(gui, sent.append, clock=lambda: now[0])
     for seen in (1, 1, 2, 2, 1):
         now[0] += 1.0
         panel.show(Snapshot(camera=CameraImage(np.full((72, 96, 3), seen, np.uint8), None)))

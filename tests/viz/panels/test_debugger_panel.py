@@ -34,9 +34,9 @@ class Panel:
 
 
 @pytest.fixture
-def panel(server: viser.ViserServer) -> Iterator[Panel]:
-    yield Panel(server.gui)
-    server.gui.reset()
+def panel(gui: viser.GuiApi) -> Iterator[Panel]:
+    yield Panel(gui)
+    gui.reset()
 
 
 def test_a_choice_is_not_lost_to_a_snapshot_from_before_it(panel: Panel) -> None:

@@ -12,9 +12,9 @@ from tests.viz.panels.panel_contents import controls, is_enabled
 
 
 def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
-    server: viser.ViserServer, snapshot: Snapshot
+    gui: viser.GuiApi, snapshot: Snapshot
 ) -> None:
-    drive, learn = DrivePanel(server.gui), FineTuningPanel(server.gui)
+    drive, learn = DrivePanel(gui), FineTuningPanel(gui)
     learn.minutes.value = 5
     for status, expected in (
         (FineTuningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
@@ -38,10 +38,8 @@ def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_i
     assert "abc" not in learn.about.content
 
 
-def test_learning_is_not_offered_where_there_are_no_weights_to_teach(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    learn = FineTuningPanel(server.gui)
+def test_learning_is_not_offered_where_there_are_no_weights_to_teach(gui: viser.GuiApi, snapshot: Snapshot) -> None:
+    learn = FineTuningPanel(gui)
     learn.show(replace(snapshot, fine_tuning=FineTuningStatus(drive="a.rrd", is_possible=False), weights="geometric-1"))
     assert controls(learn) == 0
     assert "geometric-1" in learn.about.content
@@ -49,10 +47,8 @@ def test_learning_is_not_offered_where_there_are_no_weights_to_teach(
     assert controls(learn) == 2
 
 
-def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    panel = FineTuningPanel(server.gui)
+def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(gui: viser.GuiApi, snapshot: Snapshot) -> None:
+    panel = FineTuningPanel(gui)
     offer = replace(snapshot, fine_tuning=FineTuningStatus(FineTuningPhase.LEARNED))
     panel.show(offer)
     assert is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
@@ -61,10 +57,8 @@ def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
         assert not is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
 
 
-def test_a_larger_picture_is_on_offer_only_where_somebody_can_draw_it(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    drive = DrivePanel(server.gui)
+def test_a_larger_picture_is_on_offer_only_where_somebody_can_draw_it(gui: viser.GuiApi, snapshot: Snapshot) -> None:
+    drive = DrivePanel(gui)
     drive.show(replace(snapshot, shows_larger=None))
     assert drive.picture.content == ""
     for is_on in (False, True):

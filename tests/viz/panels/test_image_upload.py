@@ -85,8 +85,8 @@ def test_the_largest_images_take_little_memory_and_give_it_back(tmp_path: Path) 
         assert after_mb < 100, bomb
 
 
-def test_of_two_uploads_at_once_one_is_read_and_neither_file_is_kept(server: viser.ViserServer) -> None:
-    panel = NavigationPanel(server.gui, lambda _: None, str)
+def test_of_two_uploads_at_once_one_is_read_and_neither_file_is_kept(gui: viser.GuiApi) -> None:
+    panel = NavigationPanel(gui, lambda _: None, str)
 
     async def upload_twice() -> list[c.NavigateToImage | c.ReportError]:
         asked = []

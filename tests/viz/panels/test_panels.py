@@ -48,14 +48,14 @@ def test_a_page_opens_with_the_tab_that_its_first_hint_names(snapshot: s.Snapsho
     assert bool(tab) == bool(first_tab(snapshot))
 
 
-def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) -> None:
+def test_html_in_messages_and_names_is_shown_as_text(gui: viser.GuiApi) -> None:
     evil = "<img src=x onerror=alert(1)>"
     now = [0.0]
-    status = StatusPanel(server.gui, clock=lambda: now[0])
+    status = StatusPanel(gui, clock=lambda: now[0])
     status.show(s.Snapshot(hint=evil, message=s.Message(evil, Severity.ERROR, 1)))
     now[0] += SECONDS[Severity.ERROR] + 1
     status.show(s.Snapshot(hint=evil, message=s.Message(evil, Severity.ERROR, 1)))
-    replay = ReplayPanel(server.gui)
+    replay = ReplayPanel(gui)
     replay.show(
         s.Snapshot(mode=Mode.REPLAY, replay=s.PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings={evil: ""})
     )
@@ -71,9 +71,9 @@ def test_a_sentence_with_several_keys_names_none_of_them_to_a_finger() -> None:
 
 
 def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbers_at_hand(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    status = StatusPanel(server.gui)
+    status = StatusPanel(gui)
     rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
     status.show(replace(snapshot, rates=rates, recording=s.RecordingStatus("a.rrd", 12, 3.0)))
     line = status.line.content
@@ -84,10 +84,8 @@ def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbe
     assert "REC" not in status.line.content
 
 
-def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
-    server: viser.ViserServer, snapshot: s.Snapshot
-) -> None:
-    status = StatusPanel(server.gui, clock=lambda: 0.0)
+def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    status = StatusPanel(gui, clock=lambda: 0.0)
     status.show(snapshot)
     first = status.line.content
     status.show(replace(snapshot, rates=replace(snapshot.rates, loop_hz=3.0)))
@@ -96,9 +94,9 @@ def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
     assert "paused" in status.line.content
 
 
-def test_a_message_is_never_in_the_panel_while_its_notification_says_it(server: viser.ViserServer) -> None:
+def test_a_message_is_never_in_the_panel_while_its_notification_says_it(gui: viser.GuiApi) -> None:
     now = [0.0]
-    status = StatusPanel(server.gui, clock=lambda: now[0])
+    status = StatusPanel(gui, clock=lambda: now[0])
     for severity in Severity:
         told = s.Snapshot(message=s.Message("a word", severity, 1))
         status.show(replace(told, message=None))
@@ -109,8 +107,8 @@ def test_a_message_is_never_in_the_panel_while_its_notification_says_it(server: 
         assert ("a word" in status.message.content) == (severity is Severity.ERROR)
 
 
-def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    status = StatusPanel(server.gui)
+def test_work_is_shown_with_what_is_done_of_how_much(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    status = StatusPanel(gui)
     status.show(replace(snapshot, work=s.JobProgress("Building the map", 840, 2000)))
     assert "Building the map… 840 of 2,000 images, 42 %" in status.hint.content
     assert 'aria-valuenow="42"' in status.hint.content
@@ -118,8 +116,8 @@ def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, 
     assert "Importing a.mp4… 840 images so far" in status.hint.content
 
 
-def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    panel = DrivePanel(server.gui)
+def test_recording_buttons_follow_what_makes_sense(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = DrivePanel(gui)
     panel.show(snapshot)
     html = panel.recording.content
     assert is_enabled(html, Action.RECORD)
@@ -131,16 +129,16 @@ def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, sn
     assert is_enabled(html, Action.DISCARD)
 
 
-def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    panel = DrivePanel(server.gui)
+def test_building_a_map_can_be_cancelled_where_it_was_begun(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = DrivePanel(gui)
     panel.show(replace(snapshot, mode=Mode.BUILDING))
     assert is_enabled(panel.map.content, Action.CANCEL)
     panel.show(snapshot)
     assert Action.CANCEL not in panel.map.content
 
 
-def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+def test_a_running_query_can_be_paused_stepped_and_cancelled(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = NavigationPanel(gui, nothing, "{}?key=k".format)
     panel.show(replace(snapshot, mode=Mode.NAVIGATING))
     for action in (Action.PAUSE, Action.STEP, Action.CANCEL):
         assert is_enabled(panel.task.content + panel.more.content, action)
@@ -149,8 +147,8 @@ def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.Viser
     assert "Resume" in panel.task.content
 
 
-def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+def test_the_gallery_offers_images_of_nodes_as_goals(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = NavigationPanel(gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert snapshot.gallery
     for node in snapshot.gallery:
@@ -158,9 +156,9 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
 
 
 def test_on_the_way_three_images_say_where_it_is_what_comes_next_and_where_it_goes(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+    panel = NavigationPanel(gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert "<img" not in panel.way.content
     panel.show(replace(snapshot, way=s.WayNodes(3, 5, 9)))
@@ -169,10 +167,8 @@ def test_on_the_way_three_images_say_where_it_is_what_comes_next_and_where_it_go
     assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["9"]
 
 
-def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(
-    server: viser.ViserServer, snapshot: s.Snapshot
-) -> None:
-    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = NavigationPanel(gui, nothing, "{}?key=k".format)
     ended = QueryEnded(query=4, goal=7, outcome=Outcome.CANCELLED, steps=1, collisions=0, path_m=0.0)
     still = snapshot.moment.progress
     for progress in (still._replace(query=4, goal=7), still._replace(query=None, ended=ended)):
@@ -184,9 +180,9 @@ def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(
 
 
 def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+    panel = NavigationPanel(gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert panel.upload_match.content == ""
     places = (s.LikePlace(17, 0.913), s.LikePlace(4, -0.2))
@@ -198,28 +194,28 @@ def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
 
 
 def test_panels_send_nothing_while_nothing_changes(
-    server: viser.ViserServer, snapshot: s.Snapshot, monkeypatch: pytest.MonkeyPatch
+    gui: viser.GuiApi, snapshot: s.Snapshot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     panels = [
-        StatusPanel(server.gui, clock=lambda: 0.0),
-        DrivePanel(server.gui),
-        FineTuningPanel(server.gui),
-        NavigationPanel(server.gui, nothing, "{}?key=k".format),
-        ReplayPanel(server.gui),
-        CameraPanel(server.gui, nothing),
+        StatusPanel(gui, clock=lambda: 0.0),
+        DrivePanel(gui),
+        FineTuningPanel(gui),
+        NavigationPanel(gui, nothing, "{}?key=k".format),
+        ReplayPanel(gui),
+        CameraPanel(gui, nothing),
     ]
     for panel in panels:
         panel.show(snapshot)
     sent: list[Any] = []
-    monkeypatch.setattr(server.gui._websock_interface, "queue_message", sent.append)
+    monkeypatch.setattr(gui._websock_interface, "queue_message", sent.append)
     for _ in range(10):
         for panel in panels:
             panel.show(snapshot)
     assert sent == []
 
 
-def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, snapshot: s.Snapshot) -> None:
-    panel = ReplayPanel(server.gui)
+def test_the_replay_tab_leaves_time_to_the_timeline(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
+    panel = ReplayPanel(gui)
     replay = s.PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
     panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
     assert controls(panel) == 3  # The list of recordings, “Open”, and “Back to the robot”: no slider.
@@ -227,9 +223,9 @@ def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, s
 
 
 def test_of_a_recording_that_is_chosen_one_sees_when_it_was_written_and_how_large_it_is(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    panel = ReplayPanel(server.gui)
+    panel = ReplayPanel(gui)
     panel.show(replace(snapshot, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
     assert "21:30, 3.1 MB" in panel.about.content
 
@@ -248,46 +244,42 @@ def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: s.Snapsho
     ]
 
 
+Told = list[tuple[str, str]]
+
+
+def pages(count: int) -> tuple[Told, list[Any]]:
+    """Return so many pages, and the titles and words of which they are notified."""
+    told: Told = []
+    page = SimpleNamespace(add_notification=lambda title, body, **_: told.append((title, body)))
+    return told, [page] * count
+
+
 def test_each_message_is_notified_once_to_every_page() -> None:
-    told: list[str] = []
-
-    def add_notification(title: str, body: str, **_: object) -> None:
-        told.append(body)
-
-    clients: Any = [SimpleNamespace(add_notification=add_notification)] * 2
+    told, clients = pages(2)
     notices = Notifications(lambda: clients)
     for number in (1, 1, 2, 2):
         notices.show(s.Snapshot(message=s.Message("same words", Severity.INFO, number)))
-    assert told == ["same words"] * 4
+    assert [words for _, words in told] == ["same words"] * 4
 
 
 def test_a_message_has_its_own_title_or_that_of_how_grave_it_is() -> None:
-    titles: list[str] = []
-
-    def add_notification(title: str, body: str, **_: object) -> None:
-        titles.append(title)
-
-    clients: Any = [SimpleNamespace(add_notification=add_notification)]
+    told, clients = pages(1)
     notices = Notifications(lambda: clients)
     notices.show(s.Snapshot(message=s.Message("words", Severity.WARN, 1, "Image not found in the map")))
     notices.show(s.Snapshot(message=s.Message("words", Severity.WARN, 2)))
-    assert titles == ["Image not found in the map", TITLES[Severity.WARN]]
+    assert [title for title, _ in told] == ["Image not found in the map", TITLES[Severity.WARN]]
 
 
 def test_what_is_said_before_a_page_is_open_is_notified_to_the_first_one() -> None:
-    told: list[str] = []
-
-    def add_notification(title: str, body: str, **_: object) -> None:
-        told.append(body)
-
+    told, opened = pages(1)
     clients: list[Any] = []
     notices = Notifications(lambda: clients)
     snapshot = s.Snapshot(message=s.Message("The scene lacks textures.", Severity.WARN, 1))
     notices.show(snapshot)
-    clients.append(SimpleNamespace(add_notification=add_notification))
+    clients += opened
     notices.show(snapshot)
     notices.show(snapshot)
-    assert told == ["The scene lacks textures."]
+    assert [words for _, words in told] == ["The scene lacks textures."]
 
 
 def test_gallery_images_lie_far_apart() -> None:
@@ -327,9 +319,9 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
     assert "Broken could not be drawn" in caplog.text
 
 
-def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(server: viser.ViserServer) -> None:
+def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(gui: viser.GuiApi) -> None:
     now = [0.0]
-    bar = StoryBar(server.gui, lambda: now[0])
+    bar = StoryBar(gui, lambda: now[0])
     bar.show(s.Snapshot(story=("The <door> closes.", "The plan changes."), story_goes_on=True))
     assert "The plan changes." in bar.caption.content
     assert "closes" not in bar.caption.content
@@ -344,12 +336,12 @@ def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(server:
 
 
 def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_another(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
     world = s.WorldView(
         s.FloorView(0, 0, 5, 5), (s.DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, ""
     )
-    panel = WorldPanel(server.gui)
+    panel = WorldPanel(gui)
     snapshot = replace(snapshot, no_story="")
     panel.show(replace(snapshot, world=world))
     assert is_enabled(panel.watch.content, Action.WATCH_IT_LEARN)
@@ -366,9 +358,9 @@ def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_anothe
 
 
 def test_the_floor_plan_offers_the_next_step_and_afterwards_the_option_to_copy(
-    server: viser.ViserServer, snapshot: s.Snapshot
+    gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    panel = FloorPlanPanel(server.gui)
+    panel = FloorPlanPanel(gui)
     panel.show(snapshot)
     assert not panel.buttons.content, "there is no floor plan"
     view = s.FloorPlanView(laid_room().plan)

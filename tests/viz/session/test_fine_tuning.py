@@ -1,7 +1,6 @@
 """Learning from the page: it disturbs nothing, changes nothing unasked, and says what came of it."""
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from datetime import datetime
@@ -33,12 +32,6 @@ from tests.waiting import PATIENCE_S
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "recordings").mkdir()
     return tmp_path / "recordings"
-
-
-@pytest.fixture
-def executor() -> Iterator[ThreadPoolExecutor]:
-    with ThreadPoolExecutor(1) as executor:
-        yield executor
 
 
 def fine_tuning_harness(

@@ -17,14 +17,8 @@ from tests.viz.session_harness import SessionHarness, said
 FORWARD = Twist(0.4, 0.0)
 
 
-def a_far_node(harness: SessionHarness) -> int:
-    graph = harness.now.moment.graph
-    away = np.hypot(*(graph.poses[:, :2] - harness.robot.pose[:2]).T)
-    return int(graph.ids[np.argmax(away)])
-
-
 def test_a_node_is_reached_and_the_verdict_is_shown(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)))
+    harness.do(c.NavigateTo(harness.far_node))
     assert harness.session.mode is Mode.NAVIGATING
     shown = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert shown.moment.progress.ended is not None
@@ -36,7 +30,7 @@ def test_a_node_is_reached_and_the_verdict_is_shown(harness: SessionHarness) -> 
 def test_on_the_way_the_images_of_subgoal_and_goal_are_at_hand_and_afterwards_none_is_shown(
     harness: SessionHarness,
 ) -> None:
-    goal = a_far_node(harness)
+    goal = harness.far_node
     harness.do(c.NavigateTo(goal))
     way = harness.until(lambda now: now.way is not None and now.way.next is not None).way
     assert way is not None
@@ -46,7 +40,7 @@ def test_on_the_way_the_images_of_subgoal_and_goal_are_at_hand_and_afterwards_no
 
 
 def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
+    harness.do(c.NavigateTo(harness.far_node), ticks=20)
     harness.driver.twist = FORWARD
     shown = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert shown.moment.progress.ended is not None
@@ -80,7 +74,7 @@ def test_letting_go_stops_the_robot_at_once(harness: SessionHarness) -> None:
 
 
 def test_a_paused_robot_stands_until_it_is_told_to_go_on(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.NavigateTo(harness.far_node), ticks=10)
     harness.do(c.Pause(), ticks=10)
     assert harness.now.mode is Mode.PAUSED
     where = harness.robot.pose.copy()
@@ -92,7 +86,7 @@ def test_a_paused_robot_stands_until_it_is_told_to_go_on(harness: SessionHarness
 
 
 def test_a_step_is_one_control_step_and_then_a_pause(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.NavigateTo(harness.far_node), ticks=10)
     harness.do(c.Pause(), ticks=10)
     before = harness.robot.step
     harness.do(c.StepOnce(), ticks=30)
@@ -101,7 +95,7 @@ def test_a_step_is_one_control_step_and_then_a_pause(harness: SessionHarness) ->
 
 
 def test_picking_a_node_goes_there_when_idle_and_only_chooses_it_on_the_way(harness: SessionHarness) -> None:
-    first, second = a_far_node(harness), int(harness.now.moment.graph.ids[0])
+    first, second = harness.far_node, int(harness.now.moment.graph.ids[0])
     harness.do(c.PickNode(first))
     shown = harness.do(c.PickNode(second))
     assert shown.mode is Mode.NAVIGATING
@@ -140,7 +134,7 @@ def test_navigating_without_a_goal_says_how_to_choose_one(harness: SessionHarnes
 def test_a_failing_robot_is_stopped_and_the_page_says_so(
     harness: SessionHarness, caplog: pytest.LogCaptureFixture
 ) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.NavigateTo(harness.far_node), ticks=10)
     harness.do(c.StartRecording(), ticks=5)
     stops = harness.robot.stops
     harness.robot.broken = RuntimeError("wheel fell off")
@@ -204,7 +198,7 @@ def test_a_picture_that_is_like_no_node_is_told_of_and_only_suggested(harness: S
 
 
 def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: SessionHarness) -> None:
-    goal = a_far_node(harness)
+    goal = harness.far_node
     graph = harness.session.state.live_map.graph
     edges = [key for key in graph.edges if goal in key]
     harness.session.state.live_map.change([EdgePruned(*key, Cause.HAND) for key in edges])

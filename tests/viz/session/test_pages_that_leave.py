@@ -13,7 +13,6 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
-from tests.viz.session.test_modes import a_far_node
 from tests.viz.session_harness import SessionHarness, said
 
 CLOSED = Absence(Loss.CLOSED, datetime(2030, 1, 2, 14, 3))
@@ -39,7 +38,7 @@ def harness(tmp_path: Path, pages: Pages) -> SessionHarness:
 
 
 def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarness, pages: Pages) -> None:
-    harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
+    harness.do(c.NavigateTo(harness.far_node), ticks=20)
     pages.absence = CLOSED
     shown = harness.wait()
     where = harness.robot.pose.copy()
@@ -56,14 +55,14 @@ def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarne
 def test_a_query_that_begins_with_nobody_there_stands(harness: SessionHarness, pages: Pages) -> None:
     where = harness.robot.pose.copy()
     pages.absence = CLOSED
-    assert harness.do(c.NavigateTo(a_far_node(harness)), ticks=30).mode is Mode.PAUSED
+    assert harness.do(c.NavigateTo(harness.far_node), ticks=30).mode is Mode.PAUSED
     assert harness.do(c.Pause(), ticks=30).mode is Mode.PAUSED
     assert np.array_equal(harness.robot.pose, where)
 
 
 def test_a_held_query_can_be_cancelled_stepped_and_stopped(harness: SessionHarness, pages: Pages) -> None:
     for ending in (c.Cancel(), c.StopRobot()):
-        harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
+        harness.do(c.NavigateTo(harness.far_node), ticks=20)
         pages.absence = CLOSED
         harness.wait()
         pages.absence = None
@@ -80,7 +79,7 @@ def test_a_long_run_in_simulation_may_go_on_and_that_is_off_until_asked_for(
     assert harness.now.keeps_going is False
     on = command_for(Action.KEEP_GOING, 1)
     assert on is not None
-    harness.do(on, c.NavigateTo(a_far_node(harness)), ticks=5)
+    harness.do(on, c.NavigateTo(harness.far_node), ticks=5)
     pages.absence = CLOSED
     assert harness.now.keeps_going is True
     assert harness.until(lambda now: now.mode is Mode.TELEOP).moment.progress.reached == 1

@@ -1,6 +1,7 @@
 """A replay shows what was shown live, at any time one likes."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -13,9 +14,16 @@ from ltvn_viz.wishes.commands import Mode
 from tests.viz.session_harness import SessionHarness
 
 
+class Recorded(NamedTuple):
+    """A session that plays back what it drove, and what was shown meanwhile."""
+
+    harness: SessionHarness
+    live: list[Snapshot]
+
+
 @pytest.fixture
-def recorded(tmp_path: Path) -> tuple[SessionHarness, list[Snapshot], str]:
-    """Drive a little and navigate once while recording; returns what was shown meanwhile and the file's name."""
+def recorded(tmp_path: Path) -> Recorded:
+    """Drive a little and navigate once while recording, and open the recording."""
     harness = SessionHarness(tmp_path)
     harness.do(c.StartRecording())
     begin = len(harness.shown)
@@ -31,7 +39,7 @@ def recorded(tmp_path: Path) -> tuple[SessionHarness, list[Snapshot], str]:
     harness.until(lambda now: bool(now.recordings))
     harness.do(c.OpenRecording(name), ticks=2)
     assert harness.session.mode is Mode.REPLAY
-    return harness, live, name
+    return Recorded(harness, live)
 
 
 def start_of(harness: SessionHarness) -> float:
@@ -51,10 +59,8 @@ def alike(one: RunMoment, other: RunMoment) -> bool:
     )
 
 
-def test_the_fold_of_a_recording_equals_what_was_shown_live(
-    recorded: tuple[SessionHarness, list[Snapshot], str],
-) -> None:
-    harness, live, _ = recorded
+def test_the_fold_of_a_recording_equals_what_was_shown_live(recorded: Recorded) -> None:
+    harness, live = recorded
     start = start_of(harness)
     # An event carries the stamp of the tick before it, so only where nothing happens around a moment must both agree.
     trios = zip(live, live[2:], live[4:], strict=False)
@@ -65,20 +71,16 @@ def test_the_fold_of_a_recording_equals_what_was_shown_live(
         assert alike(shown.moment, now.moment)
 
 
-def test_a_replay_begins_where_driving_began_with_the_map_there(
-    recorded: tuple[SessionHarness, list[Snapshot], str],
-) -> None:
-    harness, live, _ = recorded
+def test_a_replay_begins_where_driving_began_with_the_map_there(recorded: Recorded) -> None:
+    harness, live = recorded
     assert harness.now.replay is not None
     assert harness.now.replay.length_s < 120
     assert len(harness.now.moment.graph.ids) == len(live[0].moment.graph.ids)
     assert len(harness.now.moment.trajectory) <= 2
 
 
-def test_playing_follows_recorded_time_and_holds_at_the_end(
-    recorded: tuple[SessionHarness, list[Snapshot], str],
-) -> None:
-    harness, _, _ = recorded
+def test_playing_follows_recorded_time_and_holds_at_the_end(recorded: Recorded) -> None:
+    harness = recorded.harness
     shown = harness.do(c.Pause(), ticks=31)
     assert shown.replay is not None
     assert shown.replay.time_s == pytest.approx(31 / 30)
@@ -89,26 +91,24 @@ def test_playing_follows_recorded_time_and_holds_at_the_end(
     assert shown.replay.time_s == shown.replay.length_s
 
 
-def test_seeking_stays_within_the_recording(recorded: tuple[SessionHarness, list[Snapshot], str]) -> None:
-    harness, _, _ = recorded
+def test_seeking_stays_within_the_recording(recorded: Recorded) -> None:
+    harness = recorded.harness
     for time_s in (-5.0, 1e12):
         shown = harness.do(c.Seek(time_s))
         assert shown.replay is not None
         assert 0 <= shown.replay.time_s <= shown.replay.length_s
 
 
-def test_the_robot_moves_smoothly_between_frames(recorded: tuple[SessionHarness, list[Snapshot], str]) -> None:
-    harness, _, _ = recorded
+def test_the_robot_moves_smoothly_between_frames(recorded: Recorded) -> None:
+    harness = recorded.harness
     harness.do(c.Seek(0.5), c.Pause())
     places = [harness.wait().moment.robot for _ in range(30)]
     steps = np.linalg.norm(np.diff(np.array(places)[:, :2], axis=0), axis=1)
     assert (steps > 0).mean() > 0.8
 
 
-def test_the_robot_stands_during_a_replay_and_drives_after_it(
-    recorded: tuple[SessionHarness, list[Snapshot], str],
-) -> None:
-    harness, _, _ = recorded
+def test_the_robot_stands_during_a_replay_and_drives_after_it(recorded: Recorded) -> None:
+    harness = recorded.harness
     where = harness.robot.pose.copy()
     harness.driver.twist = Twist(0.4, 0.0)
     harness.wait(30)
@@ -118,7 +118,7 @@ def test_the_robot_stands_during_a_replay_and_drives_after_it(
     assert not np.array_equal(harness.robot.pose, where)
 
 
-def test_the_live_map_is_still_there_after_a_replay(recorded: tuple[SessionHarness, list[Snapshot], str]) -> None:
-    harness, live, _ = recorded
+def test_the_live_map_is_still_there_after_a_replay(recorded: Recorded) -> None:
+    harness, live = recorded
     shown = harness.do(c.CloseRecording())
     assert len(shown.moment.graph.ids) >= len(live[-1].moment.graph.ids)

@@ -27,6 +27,8 @@ from tests.repository import DEMO_MAP, GOLDEN_RECORDING
 from tests.viz.app_session import AppSession
 from tests.viz.session_harness import SessionHarness, said
 
+Opening = Callable[[AppOptions], AppState]
+
 
 def with_random_image(seen: Observation, rng: np.random.Generator) -> Observation:
     """Give a blank picture something to see."""
@@ -52,7 +54,7 @@ def recording(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def open_state() -> Iterator[Callable[[AppOptions], AppState]]:
+def open_state() -> Iterator[Opening]:
     with ExitStack() as stack:
         yield lambda options: open_app_state(options, stack, ThumbnailStore())
 
@@ -74,9 +76,7 @@ def test_a_recording_of_an_unknown_scene_is_watched_at_any_moment_without_robot_
         assert shown.moment.robot is None
 
 
-def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(
-    open_state: Callable[[AppOptions], AppState],
-) -> None:
+def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(open_state: Opening) -> None:
     with pytest.raises(SceneError):
         open_state(AppOptions(scene="somewhere-else", predictor="oracle"))
 
@@ -121,7 +121,7 @@ def test_a_file_on_which_reruns_reader_breaks_down_does_not_take_the_page_along(
     assert "ltvn repair" in said(shown)
 
 
-def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Callable[[AppOptions], AppState]) -> None:
+def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Opening) -> None:
     harness = SessionHarness(tmp_path / "unused")
     live_map = harness.state.live_map
     path = tmp_path / "map.rrd"
@@ -130,23 +130,17 @@ def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Callable[
         open_state(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
 
 
-def test_a_scene_that_contradicts_the_map_is_refused(
-    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
-) -> None:
+def test_a_scene_that_contradicts_the_map_is_refused(tmp_path: Path, open_state: Opening) -> None:
     with pytest.raises(OptionError, match="--scene train-00 contradicts --map, which was made in demo"):
         open_state(AppOptions(scene="train-00", map=DEMO_MAP, predictor="oracle", recordings=tmp_path))
 
 
-def test_a_recording_to_watch_that_is_not_there_is_named(
-    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
-) -> None:
+def test_a_recording_to_watch_that_is_not_there_is_named(tmp_path: Path, open_state: Opening) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
         open_state(AppOptions(recordings=tmp_path, replay="gone.rrd"))
 
 
-def test_a_map_to_begin_with_that_is_not_there_is_named(
-    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
-) -> None:
+def test_a_map_to_begin_with_that_is_not_there_is_named(tmp_path: Path, open_state: Opening) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
         open_state(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
 

@@ -1,5 +1,7 @@
 """Driving on with a map that was made before: the robot's odometry is another, and the map knows where drives begin."""
 
+from pathlib import Path
+
 from ltvn_core.types import Twist
 from tests.viz.session_harness import SessionHarness
 
@@ -14,7 +16,8 @@ def drive(harness: SessionHarness, ticks: int) -> None:
     harness.wait(2)
 
 
-def test_a_drive_with_a_loaded_map_is_another_drive_of_it(harness: SessionHarness) -> None:
+def test_a_drive_with_a_loaded_map_is_another_drive_of_it(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
     live_map = harness.state.live_map
     before = max(live_map.keyframes.frames)
     assert not live_map.graph.drives

@@ -57,18 +57,13 @@ WAYS = {
 
 
 def query(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(far_node(harness)), ticks=20)
+    harness.do(c.NavigateTo(harness.far_node), ticks=20)
 
 
 def paused_query(harness: SessionHarness) -> None:
     query(harness)
     harness.do(c.Pause(), ticks=10)
     assert harness.now.mode is Mode.PAUSED
-
-
-def far_node(harness: SessionHarness) -> int:
-    graph = harness.now.moment.graph
-    return int(graph.ids[np.hypot(*(graph.poses[:, :2] - harness.robot.pose[:2]).T).argmax()])
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -84,7 +79,7 @@ def test_an_image_whose_place_is_still_looked_for_sends_the_robot_nowhere(tmp_pa
     executor = HeldExecutor()
     harness = SessionHarness(tmp_path, executor=executor)
     harness.wait()
-    image = harness.state.live_map.keyframes.observation(far_node(harness)).rgb
+    image = harness.state.live_map.keyframes.observation(harness.far_node).rgb
     executor.is_held = True
     harness.do(c.NavigateToImage(image))
     WAYS[way](harness)
@@ -95,7 +90,7 @@ def test_an_image_whose_place_is_still_looked_for_sends_the_robot_nowhere(tmp_pa
 
 
 def test_an_image_sends_the_robot_where_nobody_stops_it(harness: SessionHarness) -> None:
-    harness.do(c.NavigateToImage(harness.state.live_map.keyframes.observation(far_node(harness)).rgb), ticks=2)
+    harness.do(c.NavigateToImage(harness.state.live_map.keyframes.observation(harness.far_node).rgb), ticks=2)
     assert harness.state.queries == 1
 
 

@@ -1,7 +1,6 @@
 """Long jobs: they hold up nothing, they keep their order, and one that fails is told once."""
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -28,12 +27,6 @@ class Gate:
         self.entered.set()
         assert self.open.wait(PATIENCE_S)
         return "through"
-
-
-@pytest.fixture
-def executor() -> Iterator[ThreadPoolExecutor]:
-    with ThreadPoolExecutor(1) as executor:
-        yield executor
 
 
 def test_a_person_drives_while_the_worker_is_busy(tmp_path: Path, executor: ThreadPoolExecutor) -> None:

@@ -299,7 +299,7 @@ def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> Non
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     harness.do(c.PointAt(*edge))
     run, seen = harness.state.live.timeline, set()
-    for stamp in sorted({run.instant(number).stamp for number in range(len(run.events))})[::7]:
+    for stamp in sorted({run.instant(number).stamp for number in range(len(run.events))})[::3]:
         shown = harness.do(c.Seek(stamp - run.start_s), c.ChooseQuestion(QuestionName.EDGE), ticks=4)
         before = run.events[: run.count_until(run.instant_at(shown.moment.stamp))]
         looks = sum(isinstance(_delta(each.event), PresenceObserved) for each in before)

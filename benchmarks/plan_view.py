@@ -1,6 +1,6 @@
 """`python -m benchmarks.plan_view`: how quickly a page draws the map from above, and what it costs, without a GPU.
 
-Needs Chromium, Linux and an idle machine; it says how busy it was. The demo is driven by keys, and a map of 10,000 nodes
+Needs Chromium, Linux and an idle machine; it says how busy it was. The demo is driven by keys; a map of 10,000 nodes
 and 50,000 edges is moved by the mouse.
 """
 
@@ -31,7 +31,8 @@ DRIVE_S, REST_S, PAN_S = 5.0, 8.0, 5.0
 _COUNT_MOVES = """() => {
   const robot = document.querySelector(".ltvn-robot");
   window.moves = 0;
-  new MutationObserver(() => window.moves++).observe(robot, { attributes: true, attributeFilter: ["style", "data-look"] });
+  const moves = new MutationObserver(() => window.moves++);
+  moves.observe(robot, { attributes: true, attributeFilter: ["style", "data-look"] });
 }"""
 _COUNT_FRAMES = """() => {
   window.frames_ = 0;

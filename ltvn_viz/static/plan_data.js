@@ -12,6 +12,7 @@ function hearRobot({ pose }) {
 function hearView(view) {
   const before = plan.view;
   plan.view = view;
+  if (view.aim !== "" && shows3d()) show3d(false); // A place on the floor is chosen from above.
   fetchMap();
   for (const number of [view.floor?.picture, view.sheet?.picture]) if (number !== undefined) fetchPicture(number);
   if (differs(before, view, "floor", "rooms", "sheet", "solids", "bounds")) sheets.ground.redraw();

@@ -74,7 +74,7 @@ class _HeadlessPage:
     def __init__(self, server: GuardedServer) -> None:
         self._server = server
         late = itertools.count(0.0, 10.0)  # No picture is held back for coming too soon after another.
-        self._nodes = NodesLayer(server.scene, lambda *_: None)
+        self._nodes = NodesLayer(server.scene)
         self._edges = EdgesLayer(server.scene, clock=lambda: next(late))
 
     def first_picture(self, path: Path) -> Playback:

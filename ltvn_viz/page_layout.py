@@ -19,17 +19,14 @@ from ltvn_core import palette
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds import WorldState
-from ltvn_viz.layers.close_layers import RobotMarker
-from ltvn_viz.layers.debugger_layer import DebuggerLayer
-from ltvn_viz.layers.first_view import FirstView, Floor
+from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.floor_plan import FloorPlanLayer
-from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
-from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
+from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
+from ltvn_viz.layers.navigation_layers import GoalLayer, PlanLayer
 from ltvn_viz.layers.plan_view import PlanView
-from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
+from ltvn_viz.layers.robot_layers import RobotLayer, TrajectoryLayer
 from ltvn_viz.layers.scene_assets import FloorPicture, add_lights
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
-from ltvn_viz.layers.world_layers import BoxesLayer, DoorsLayer
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.command_palette import CommandPalette, list_stop
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
@@ -60,42 +57,6 @@ class PagePart(Protocol):
     def show(self, snapshot: Snapshot) -> None:
         """Show `snapshot`."""
         ...
-
-
-class OwnParts:
-    """Parts that each page has for itself: made when the page connects, and drawn only for it."""
-
-    def __init__(
-        self,
-        clients: Callable[[], Iterable[viser.ClientHandle]],
-        make: Callable[[viser.ClientHandle], Sequence[PagePart]],
-    ) -> None:
-        """Create the parts of a page by `make`."""
-        self._clients = clients
-        self._make = make
-        self._parts: dict[int, Sequence[PagePart]] = {}
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Show each page its own parts. Raises NotDrawnError."""
-        clients = {client.client_id: client for client in self._clients()}
-        for gone in self._parts.keys() - clients.keys():
-            del self._parts[gone]
-        failed: list[str] = []
-        for number, client in clients.items():
-            if number not in self._parts and not self._welcome(client):
-                continue
-            failed += _show_all(self._parts[number], snapshot)
-        if failed:
-            raise NotDrawnError(*dict.fromkeys(failed))
-
-    def _welcome(self, client: viser.ClientHandle) -> bool:
-        """Make the parts of a page; return whether the page is still connected."""
-        self._parts[client.client_id] = self._make(client)
-        if any(each.client_id == client.client_id for each in self._clients()):
-            return True
-        # viser removes a page's controls when the page disconnects, but not those that are added later.
-        client.gui.reset()
-        return False
 
 
 class NotDrawnError(Exception):
@@ -286,10 +247,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
     gui.add_html(grey_for_watchers(shared_elements(gui)))
     camera = CameraPanel(gui, partial(pages.tell, Newest.PICTURE))
 
-    def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
-        list_stop(client.gui, partial(pages.stop_for, client.client_id))
-        return [WhenShown([FirstView(floor, server, client), RobotMarker(client)], lambda: pages.shows_scene)]
-
+    # Each page has a stop of its own, which needs no seat.
+    server.on_client_connect(lambda client: list_stop(client.gui, partial(pages.stop_for, client.client_id)))
     return [
         status,
         camera,
@@ -300,7 +259,6 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         floor_plan,
         replay,
         why,
-        OwnParts(clients, own_parts),
         TimelinePanel(partial(pages.tell, Newest.MOMENT)),
         PadPanel(partial(pages.tell, Newest.ACTIVITY)),
         CommandPalette(gui, pages.ask),
@@ -316,16 +274,9 @@ def _layers(scene: viser.SceneApi, assets: PageAssets) -> list[PagePart]:
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),
         AddedLayer(scene, assets.added_glb),
-        DoorsLayer(scene),
-        BoxesLayer(scene),
         NodesLayer(scene),
-        BlockedEdgesLayer(scene),
         PlanLayer(scene),
         GoalLayer(scene),
-        GhostLayer(scene, assets.robot),
-        ChangesLayer(scene),
-        CourseLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),
-        DebuggerLayer(scene),
     ]

@@ -4,5 +4,5 @@ Every layer owns scene nodes with fixed names, updates them in place, and sends 
 snapshot.
 """
 
-COURSE_Z, TRAJECTORY_Z, EDGE_Z, CHANGE_Z, PLAN_Z, NODE_Z = 0.01, 0.02, 0.06, 0.09, 0.12, 0.14
+TRAJECTORY_Z, EDGE_Z, CHANGE_Z, PLAN_Z, NODE_Z = 0.02, 0.06, 0.09, 0.12, 0.14
 """Heights of the layers in metres; when seen from above, a more important layer covers the others."""

@@ -1,7 +1,4 @@
-"""The map and its recent changes.
-
-Removed edges rise and fade out in magenta; new edges appear in green.
-"""
+"""The map in the 3D scene."""
 
 import time
 from collections.abc import Callable
@@ -11,18 +8,15 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_history import FadingEdges, GraphArrays
-from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.types import NodeId
-from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
+from ltvn_viz.layers import EDGE_Z, NODE_Z
 from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.shapes import Dots, LineSegments, drops, points
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.run_moment import FADE_S
 
 REDRAW_EVERY_S = 0.6
 """Least interval between two redraws of the edges in seconds; the page is slow to rebuild the lines of a big map."""
-BLOCKED_Z = EDGE_Z + 0.03
 _DROP_ABOVE_M = 0.05
 LANE_OFFSET_M = 0.025
 """Distance in metres by which an edge is shifted to its right, so that the two directions are separate lines."""
@@ -86,27 +80,6 @@ class EdgesLayer:
         self.actions.draw(points(dashes, EDGE_Z), np.tile(np.array(palette.ACTION, np.uint8), (len(dashes), 1)))
 
 
-class BlockedEdgesLayer:
-    """Edges whose latest observation was blocked, drawn over the other edges."""
-
-    def __init__(self, scene: viser.SceneApi) -> None:
-        """Add the empty batch."""
-        self.lines = LineSegments(scene, "/graph/blocked", thickness_px=4.0, outlined=True)
-        self._drawn: frozenset[EdgeKey] = frozenset()
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Redraw the edges if they changed."""
-        blocked = snapshot.moment.progress.blocked
-        graph = snapshot.moment.graph
-        if blocked == self._drawn:
-            return
-        self._drawn = blocked
-        places = {int(node): pose[:2] for node, pose in zip(graph.ids, graph.poses, strict=True)}
-        ends = [(places[a], places[b]) for a, b in sorted(blocked) if a in places and b in places]
-        segments = offset_right(np.array(ends, np.float64).reshape(-1, 2, 2))
-        self.lines.draw(points(segments, BLOCKED_Z), np.tile(np.array(palette.EDGE_REMOVED, np.uint8), (len(ends), 1)))
-
-
 def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shift segments (N, 2, 2) to the right, as seen in their direction."""
     along = segments[:, 1] - segments[:, 0]
@@ -124,35 +97,3 @@ def dashed(segments: NDArray[np.float64]) -> NDArray[np.float64]:
     shares = np.linspace(0, 1, 2 * _DASHES).reshape(1, _DASHES, 2, 1)
     starts = segments[:, None, :1]
     return (starts + shares * (segments[:, None, 1:] - starts)).reshape(-1, 2, 2)
-
-
-RISE_M = 0.35
-
-
-class ChangesLayer:
-    """Two small animated batches with the recent changes, so that the large batch of all edges needs no animation."""
-
-    def __init__(self, scene: viser.SceneApi) -> None:
-        """Add the two empty batches."""
-        self.added = LineSegments(scene, "/graph/came", thickness_px=4.0)
-        self.removed = LineSegments(scene, "/graph/went", thickness_px=5.0)
-        self._blank = False
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Draw the edges that were added or removed recently, with colours and heights by age."""
-        added_edges = snapshot.moment.added_edges
-        removed_edges = snapshot.moment.removed_edges
-        blank = not len(added_edges.ages_s) and not len(removed_edges.ages_s)
-        if blank and self._blank:
-            return
-        self._blank = blank
-        self._draw(self.added, added_edges, palette.EDGE_ADDED, rise_m=0.0)
-        self._draw(self.removed, removed_edges, palette.EDGE_REMOVED, rise_m=RISE_M)
-
-    @staticmethod
-    def _draw(lines: LineSegments, fading: FadingEdges, colour: palette.Rgb8, *, rise_m: float) -> None:
-        # Ages are rounded to tenths of a second, so that the page gets ten small updates per second and not thirty.
-        ages = np.round(fading.ages_s, 1)
-        segments = points(offset_right(fading.segments), CHANGE_Z)
-        segments[..., 2] += (rise_m * ages / FADE_S)[:, None].astype(np.float32)
-        lines.draw(segments, palette.faded(colour, ages, FADE_S))

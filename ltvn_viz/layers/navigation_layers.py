@@ -1,14 +1,13 @@
-"""Layers of a query: the goal, the plan, and a ghost robot at the believed pose of the next subgoal."""
+"""Layers of a query: the goal and the plan."""
 
 import numpy as np
 import viser
 
 from ltvn_core import palette
 from ltvn_core.analysis.map_history import GraphArrays
-from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z
-from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
+from ltvn_viz.layers.shapes import LineSegments, points
 from ltvn_viz.session.snapshot import Snapshot
 
 PIN_HEIGHT_M = 1.3
@@ -66,39 +65,3 @@ class GoalLayer:
         if len(poses):
             self.pin.position = points(poses[0], 0.0)
         self.pin.visible = bool(len(poses))
-
-
-class GhostLayer:
-    """A translucent robot base at the predicted pose of the subgoal."""
-
-    def __init__(self, scene: viser.SceneApi, spec: RobotSpec) -> None:
-        """Add a hidden ghost of the size in `spec`."""
-        self.ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
-        scene.add_cylinder(
-            "/ghost/base",
-            radius=spec.clear_radius_m,
-            height=0.12,
-            color=palette.PREDICTED_POSE,
-            opacity=0.45,
-            position=(0.0, 0.0, 0.1),
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        vertices, faces = marker_mesh(0.3, 0.02)
-        scene.add_mesh_simple(
-            "/ghost/arrow",
-            vertices,
-            faces,
-            color=palette.PREDICTED_POSE,
-            position=(0.0, 0.0, 0.18),
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Move the ghost to the predicted waypoint while an edge is driven."""
-        pose = snapshot.moment.predicted_subgoal
-        if pose is not None:
-            self.ghost.position = points(pose, 0.0)
-            self.ghost.wxyz = wxyz(pose[2])
-        self.ghost.visible = pose is not None

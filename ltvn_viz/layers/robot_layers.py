@@ -1,4 +1,4 @@
-"""The robot, the pyramid of its camera's field of view, and lines along the driven and the recorded path."""
+"""The robot, the pyramid of its camera's field of view, and a line along the driven path."""
 
 import time
 from collections.abc import Callable
@@ -8,10 +8,9 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
-from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_viz.layers import COURSE_Z, TRAJECTORY_Z
+from ltvn_viz.layers import TRAJECTORY_Z
 from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
@@ -115,27 +114,7 @@ class TrajectoryLayer:
             return
         self._drawn = poses
         self._when = self._clock()
-        _draw(self.lines, poses, TRAJECTORY_Z, palette.TRAJECTORY)
-
-
-class CourseLayer:
-    """A thin line along all poses of an open recording, which shows the whole path from the beginning of playback."""
-
-    def __init__(self, scene: viser.SceneApi) -> None:
-        """Add the empty line."""
-        self.lines = LineSegments(scene, "/course", thickness_px=1.5)
-        self._drawn = NO_TRAJECTORY
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Draw the course when another recording was opened."""
-        if snapshot.course is not self._drawn:
-            self._drawn = snapshot.course
-            _draw(self.lines, snapshot.course, COURSE_Z, palette.COURSE)
-
-
-def _draw(lines: LineSegments, poses: NDArray[np.float64], height_m: float, colour: palette.Rgb8) -> None:
-    """Draw a line along poses (T, 3), with a gap where the robot was put elsewhere."""
-    line = points(poses, height_m)
-    segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
-    segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < JUMP_M]
-    lines.draw(segments, np.full((len(segments), 3), colour, np.uint8))
+        line = points(poses, TRAJECTORY_Z)
+        segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
+        segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < JUMP_M]
+        self.lines.draw(segments, np.full((len(segments), 3), palette.TRAJECTORY, np.uint8))

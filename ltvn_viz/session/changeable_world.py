@@ -17,7 +17,7 @@ from ltvn_core.geometry import compose
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
 from ltvn_core.types import Pose
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.snapshot import BOX_SIZE_M, BoxView, WorldView, doors_of, floor_of
+from ltvn_viz.session.snapshot import BOX_SIZE_M, BoxView, WorldView, doors_of
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
@@ -46,7 +46,6 @@ class ChangeableWorld:
         """Moves the robot to a pose (3,); raises SceneError if it is occupied. Nothing else may drive the robot during
         the call."""
         self._doors = doors_of(world.base)
-        self._floor = floor_of(world.base)
         self._aimed: int | None = None
         """Number of the box that waits for a click on its place, 0 for a new box; None without one."""
         self._asked: deque[Callable[[], str]] = deque()
@@ -63,7 +62,7 @@ class ChangeableWorld:
         undo = self._undo[-1].text if self._undo else ""
         boxes = tuple(BoxView(number, *self._boxes()[number]) for number in sorted(self._boxes()))
         aimed = self._aimed if not self._aimed or self._aimed in self._boxes() else None
-        view = WorldView(self._floor, doors, boxes, aimed, state.light.level, undo)
+        view = WorldView(doors, boxes, aimed, state.light.level, undo)
         self._view = view if self._view != view else self._view
         return self._view or view
 

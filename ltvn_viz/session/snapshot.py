@@ -55,20 +55,10 @@ class BoxView:
     """Position of the box's centre along y, like `x` in metres."""
 
 
-class FloorView(NamedTuple):
-    """The rectangle around all of a scene's floor, in metres."""
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-
 @dataclass(frozen=True, slots=True)
 class WorldView:
     """The changes of a world that are possible now."""
 
-    floor: FloorView
     doors: tuple[DoorView, ...]
     boxes: tuple[BoxView, ...]
     aimed: int | None
@@ -115,14 +105,6 @@ def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     """Return the doors of a scene, all open."""
     named = zip(door_names(scene), scene.parts.doors, strict=True)
     return tuple(_door(number, name, doorway) for number, (name, doorway) in enumerate(named))
-
-
-def floor_of(scene: Scene) -> FloorView:
-    """Return the bounds of a scene's floor."""
-    clearance = scene.clearance
-    rows, columns = clearance.blocked.shape
-    x, y = clearance.origin.tolist()
-    return FloorView(x, y, x + columns * clearance.resolution_m, y + rows * clearance.resolution_m)
 
 
 def _door(number: int, name: str, doorway: Doorway) -> DoorView:
@@ -360,8 +342,6 @@ class Snapshot:
     """Whether the story is still running."""
     no_story: str = ""
     """Why “Watch it learn” cannot be played, and what to do; empty if it can."""
-    story_door: int | None = None
-    """The story's door; None before a story."""
     story_query: int | None = None
     """The last query of the story; None before the first one."""
     inspection: Inspection = NO_INSPECTION

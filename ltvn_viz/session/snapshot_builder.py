@@ -154,7 +154,6 @@ def _live(state: AppState) -> Snapshot:
         story=() if state.story is None else tuple(state.story.captions),
         story_goes_on=state.story is not None and not state.story.is_over,
         no_story=no_story(state),
-        story_door=None if state.story is None else state.story.door,
         story_query=None if state.story is None else state.story.query,
     )
 

@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import viser
 
-from ltvn_viz.page_layout import OwnParts, PagePart
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
+from ltvn_viz.session.snapshot import FloorPlanView
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
 from tests.browser.flat_app import FlatApp, serving, until_shown
@@ -155,22 +153,6 @@ def view_of(app: FlatApp) -> FloorPlanView:
     view = app.harness.now.floor_plan
     assert view is not None
     return view
-
-
-def test_a_page_that_leaves_while_its_parts_are_made_leaves_nothing_behind(app: FlatApp) -> None:
-    tab = app.server.gui.add_tab_group().add_tab("A tab")
-    pages: list[viser.ClientHandle] = []
-
-    def make(client: viser.ClientHandle) -> Sequence[PagePart]:
-        with tab:
-            client.gui.add_checkbox("Its own", initial_value=False)
-        pages.clear()
-        return []
-
-    with open_sockets(app.server) as page:
-        pages.append(page.client)
-        OwnParts(lambda: list(pages), make).show(Snapshot())
-        assert tab._children == {}
 
 
 def require_unchanged(app: FlatApp, driver: PageSockets, watcher: PageSockets, before: list[object]) -> None:

@@ -1,18 +1,12 @@
-"""Where a page's camera stands first: all of the floor is seen, as large as the scene allows."""
+"""Where the camera of the 3D scene stands first: all of the floor is seen, as large as the scene allows."""
 
-from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
-import viser
 
-from ltvn_viz.layers.first_view import MARGIN, USUAL_ASPECT, FirstView, Floor, View
+from ltvn_viz.layers.first_view import MARGIN, Floor, View
 from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M, floor_bounds
-from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.run_moment import RunMoment
 
 FOV = np.radians(75)
 
@@ -53,27 +47,3 @@ def test_the_demo_flat_fills_most_of_the_canvas_of_usual_windows(canvas: tuple[i
     filled = np.ptp(seen, axis=0) / 2
     assert filled[int(np.argmin(canvas))] >= 0.7
     assert filled.max() >= 0.95
-
-
-def test_the_camera_goes_where_a_story_happens_and_back_and_a_person_may_take_it() -> None:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    floor = Floor((0.0, 0.0), (20.0, 15.0))
-    floor.begin(server)
-    first = server.initial_camera
-    camera = SimpleNamespace(
-        aspect=USUAL_ASPECT, fov=first.fov, position=np.asarray(first.position), look_at=np.asarray(first.look_at)
-    )
-    view = FirstView(floor, server, cast(Any, SimpleNamespace(camera=camera)))
-    whole = floor.view(USUAL_ASPECT, first.fov).position
-    robot = replace(RunMoment(), robot=np.array([15.0, 10.0, 0.0]))
-    told = Snapshot(moment=robot, story=("It begins.",), story_goes_on=True)
-    view.show(told)
-    assert camera.position[2] < whole[2] / 2
-    np.testing.assert_allclose(camera.look_at[:2], [15.0, 10.0], atol=2.0)
-    view.show(replace(told, story_goes_on=False))
-    np.testing.assert_allclose(camera.position, whole)
-    view.show(told)
-    camera.position = np.array([1.0, 2.0, 3.0])
-    view.show(told)
-    np.testing.assert_allclose(camera.position, [1.0, 2.0, 3.0])
-    server.stop()

@@ -10,17 +10,15 @@ import pytest
 import viser
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_history import FadingEdges, GraphArrays
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, ChangesLayer, EdgesLayer, NodesLayer, offset_right
-from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
-from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
+from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right
+from ltvn_viz.layers.navigation_layers import GoalLayer, PlanLayer
+from ltvn_viz.layers.robot_layers import RobotLayer, TrajectoryLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
 from ltvn_viz.layers.shapes import marker_mesh
 from ltvn_viz.session.snapshot import Snapshot, WayNodes
 from ltvn_viz.timeline.run_moment import RunMoment
-from ltvn_viz.wishes import commands as c
-from tests.viz.session_harness import SessionHarness
 
 
 class Wire:
@@ -78,12 +76,9 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
         SceneLayer(server.scene, lambda _name, _state: b"glTF"),
         NodesLayer(server.scene),
         EdgesLayer(server.scene, clock),
-        CourseLayer(server.scene),
         TrajectoryLayer(server.scene, clock),
-        ChangesLayer(server.scene),
         PlanLayer(server.scene),
         GoalLayer(server.scene),
-        GhostLayer(server.scene, LOCOBOT),
     ]
     still = replace(snapshot, moment=replace(snapshot.moment, added_edges=RunMoment().added_edges))
     for layer in layers:
@@ -114,17 +109,6 @@ def test_a_camera_that_nobody_knows_the_carrier_of_is_drawn_alone(
     updates = [vars(message) for message in wire.taken()]
     assert any(each.get("name") == "/robot/body" and each.get("visible") is False for each in updates)
     assert any(each.get("name") == "/robot/view" and each.get("position") == (0.0, 0.0, 1.4) for each in updates)
-
-
-def test_the_way_of_a_recording_is_drawn_from_its_beginning(
-    server: viser.ViserServer, wire: Wire, snapshot: Snapshot
-) -> None:
-    layer = CourseLayer(server.scene)
-    layer.show(replace(snapshot, course=np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.5, 0.0, 0.0]])))
-    assert layer.lines.handle.visible
-    assert len(layer.lines.handle.points) == 2
-    layer.show(snapshot)
-    assert not layer.lines.handle.visible
 
 
 def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, wire: Wire) -> None:
@@ -203,36 +187,6 @@ def test_the_pin_stays_at_the_goal_of_the_query_while_the_next_one_is_chosen(
     graph, layer = snapshot.moment.graph, GoalLayer(server.scene)
     layer.show(replace(snapshot, selected=int(graph.ids[3]), way=WayNodes(None, None, int(graph.ids[1]))))
     np.testing.assert_allclose(layer.pin.position[:2], graph.poses[1, :2], atol=1e-6)
-
-
-def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, harness: SessionHarness) -> None:
-    predicted_subgoal, plan = GhostLayer(server.scene, LOCOBOT), PlanLayer(server.scene)
-    harness.do(c.NavigateTo(int(harness.wait().moment.graph.ids[-1])))
-    shown = harness.until(lambda now: now.moment.predicted_subgoal is not None and len(now.moment.progress.plan) > 2)
-    predicted_subgoal.show(shown)
-    plan.show(shown)
-    assert predicted_subgoal.ghost.visible
-    assert len(plan.lines.handle.points) == len(shown.moment.progress.plan) - 1
-    shown = harness.until(lambda now: now.moment.progress.query is None)
-    predicted_subgoal.show(shown)
-    plan.show(shown)
-    assert not predicted_subgoal.ghost.visible
-    assert not plan.lines.handle.visible
-
-
-def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
-    layer = ChangesLayer(server.scene)
-    heights, brightness = [], []
-    for age in (0.0, 1.0, 2.0):
-        removed_edges = FadingEdges(np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([age]))
-        layer.show(Snapshot(moment=RunMoment(removed_edges=removed_edges)))
-        heights.append(float(layer.removed.handle.points[0, 0, 2]))
-        brightness.append(int(layer.removed.handle.colors[0, 0].max()))
-    assert heights == sorted(heights)
-    assert heights[0] < heights[-1]
-    assert brightness == sorted(brightness, reverse=True)
-    layer.show(Snapshot())
-    assert not layer.removed.handle.visible
 
 
 def test_there_and_back_are_two_lines() -> None:

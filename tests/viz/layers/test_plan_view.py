@@ -19,7 +19,7 @@ from ltvn_viz.layers.plan_view import PlanView
 from ltvn_viz.layers.scene_assets import FloorPicture
 from ltvn_viz.server.drive_socket import Newest
 from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.snapshot import DoorView, FloorView, Snapshot, WorldView
+from ltvn_viz.session.snapshot import DoorView, Snapshot, WorldView
 from ltvn_viz.timeline.run_moment import RunMoment
 
 Row = list[int]
@@ -180,7 +180,7 @@ def test_what_was_put_into_a_scene_lies_on_its_plan() -> None:
 def test_a_click_on_the_floor_is_asked_for_while_a_box_waits() -> None:
     told = Told()
     door = DoorView(0, "hall – study", 1.0, 2.0, along_x=True, width_m=0.9, is_open=False)
-    world = WorldView(FloorView(0, 0, 4, 3), (door,), (), aimed=0, light=1.0, undo="")
+    world = WorldView((door,), (), aimed=0, light=1.0, undo="")
     view = told.after(Snapshot(world=world))[Newest.VIEW]
     assert view["aim"] == "put_box"
     assert view["doors"][0]["is_open"] is False

@@ -9,7 +9,7 @@ import pytest
 import viser
 
 from ltvn_viz.panels.command_palette import CommandPalette, list_stop
-from ltvn_viz.session.snapshot import BoxView, DoorView, FloorView, Snapshot, WorldView
+from ltvn_viz.session.snapshot import BoxView, DoorView, Snapshot, WorldView
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
@@ -62,10 +62,9 @@ def test_a_door_a_box_and_the_light_are_found_by_what_is_done_with_them(
 ) -> None:
     asked: list[tuple[Action, object]] = []
     palette = CommandPalette(server.gui, lambda action, value: asked.append((action, value)))
-    room = FloorView(0.0, 0.0, 6.0, 4.0)
     study = DoorView(0, "hall – study", 1.0, 0.0, along_x=True, width_m=0.9)
     bath = DoorView(1, "hall – bath", 2.0, 0.0, along_x=True, width_m=0.9, is_open=False)
-    world = WorldView(room, (study, bath), (BoxView(3, 1.0, 1.0),), aimed=None, light=1.0, undo="")
+    world = WorldView((study, bath), (BoxView(3, 1.0, 1.0),), aimed=None, light=1.0, undo="")
     palette.show(replace(snapshot, world=world))
     handles = listed(server)
     trigger(handles["Close the door hall – study"])

@@ -338,9 +338,7 @@ def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(gui: vi
 def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_another(
     gui: viser.GuiApi, snapshot: s.Snapshot
 ) -> None:
-    world = s.WorldView(
-        s.FloorView(0, 0, 5, 5), (s.DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, ""
-    )
+    world = s.WorldView((s.DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, "")
     panel = WorldPanel(gui)
     snapshot = replace(snapshot, no_story="")
     panel.show(replace(snapshot, world=world))

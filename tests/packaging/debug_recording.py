@@ -1,7 +1,7 @@
 """Run in an environment of one extra: replays a recording and asks every question of the debugger.
 
-`python debug_recording.py FILE.rrd` prints each question with the text of its answer as JSON; it imports nothing of the
-tests, for these are not there.
+`python debug_recording.py FILE.rrd...` prints for each file its questions with the texts of their answers as JSON; it
+imports nothing of the tests, for these are not there.
 """
 
 import html
@@ -71,4 +71,4 @@ def _text(snapshot: Snapshot) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(main(Path(sys.argv[1])), ensure_ascii=True, indent=1))
+    sys.stdout.write(json.dumps([main(Path(each)) for each in sys.argv[1:]], ensure_ascii=True, indent=1))

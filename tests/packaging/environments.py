@@ -95,13 +95,13 @@ def _metadata(wheel: Path) -> dict[str, list[str]]:
 
 
 def _link(installed: Distribution, packages: Path) -> None:
-    """Link the files of a distribution into a folder of packages; scripts and compiled files stay out."""
+    """Link the files of a distribution into a folder of packages, also what Python compiled; scripts stay out."""
     for each in installed.files or ():
         source, target = Path(str(each.locate())), packages / each
-        if ".." in each.parts or "__pycache__" in each.parts or not source.is_file():
+        if ".." in each.parts or not source.is_file():
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             os.link(source, target)
-        except OSError:  # Another disk.
-            shutil.copyfile(source, target)
+        except OSError:  # Another disk. Python takes what it compiled only with the time of its source.
+            shutil.copy2(source, target)

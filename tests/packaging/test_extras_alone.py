@@ -54,8 +54,10 @@ def test_an_extra_alone_does_its_job(extra: str, wheel: Path, tmp_path: Path) ->
         smoke.run(program, *arguments, folder=folder)
     for code in IMPORTS.get(extra, ()):
         _python(program, "-c", code, folder=folder)
-    if extra in (PLAIN, "all"):
-        _debug_every_recording(program, folder)
+    if extra == PLAIN:
+        _debug(program, folder, sorted(map(str, RECORDINGS.glob("*.rrd"))))
+    if extra == "all":
+        _debug(program, folder, [_recording("demo-fault.rrd")])
     if extra in REFUSED:
         arguments, missing = REFUSED[extra]
         _check_refusal(program, arguments, missing, folder)
@@ -105,11 +107,10 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
 """What must say what is missing before it prints a link."""
 
 
-def _debug_every_recording(program: Path, folder: Path) -> None:
-    """Open each shipped recording in the page, over both of its sockets, and ask all questions about it."""
-    for recording in sorted(RECORDINGS.glob("*.rrd")):
-        smoke.replay(program, str(recording), folder=folder, meanwhile=_open_socket)
-        answers = json.loads(_python(program, str(SCRIPT), str(recording), folder=folder))
+def _debug(program: Path, folder: Path, recordings: list[str]) -> None:
+    """Open a recording in the page, over both of its sockets, and ask all questions about each."""
+    smoke.replay(program, recordings[0], folder=folder, meanwhile=_open_socket)
+    for answers in json.loads(_python(program, str(SCRIPT), *recordings, folder=folder)):
         assert all(answers.values()), answers
         assert "What is true?" in answers
 

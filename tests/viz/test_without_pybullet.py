@@ -11,6 +11,7 @@ import pytest
 
 from ltvn_core.data.recording.reader import Recording
 from tests.core.simulation.two_room_mesh import box_house, save
+from tests.program import ltvn_here
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
@@ -30,22 +31,34 @@ class Refuse:
 sys.meta_path.insert(0, Refuse())
 """
 
-APP = """
-import threading
+ALL = """
+import contextlib, io, json, sys, threading
+from ltvn_core.cli import main
 from ltvn_viz.app import AppOptions, open_app
 from tests.waiting import until
+
+def run(words):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    return {"code": code, "stdout": out.getvalue(), "stderr": err.getvalue()}
 
 def watch(app):
     robot = app.session.state.live.robot
     before = robot.state().stamp
     until(lambda: robot.state().stamp > before + 0.5)
-    print("time goes on", flush=True)
+    told["page"] = "time goes on"
     app.session.stop()
 
+told = {name: run(words) for name, words in json.loads(sys.argv[1]).items()}
 with open_app(AppOptions(port=0)) as app:
     threading.Thread(target=watch, args=[app]).start()
     app.session.run()
+print(json.dumps(told))
 """
+"""Runs commands and then the page, in one process, which imports all libraries only once."""
+
+SMALLEST = ("--loops", "1", "--goals", "2", "--episodes", "1", "--finetune-steps", "0", "--step-limit", "50")
 
 
 @pytest.fixture(scope="module")
@@ -57,62 +70,76 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return a scene of two small rooms."""
-    return str(save(box_house(), tmp_path_factory.mktemp("house") / "house.glb"))
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a scene of two small rooms."""
+    folder = tmp_path_factory.mktemp("house")
+    save(box_house(), folder / "house.glb")
+    return folder
 
 
-def ltvn(environment: dict[str, str], *arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", "ltvn_core.cli", *arguments],
+@pytest.fixture(scope="module")
+def evaluation(folder: Path) -> tuple[str, ...]:
+    house = ("--scene", str(folder / "house.glb"))
+    return ("evaluate", *house, *SMALLEST, "--processes", "1", "--folder", str(folder / "runs"))
+
+
+@pytest.fixture(scope="module")
+def told(environment: dict[str, str], folder: Path, evaluation: tuple[str, ...]) -> dict[str, Any]:
+    """Return what each command said, by its name."""
+    small, json_too = ("--scene", str(folder / "house.glb"), "--loops", "1"), ("--json", "-")
+    commands = {
+        "collect": ("collect", *small, "--output", str(folder / "drive.rrd"), *json_too),
+        "bullet": ("collect", "--body", "bullet", "--output", str(folder / "never.rrd")),
+        "demo": ("demo", "--headless", *small, "--queries", "1", "--recording", str(folder / "demo.rrd"), *json_too),
+        "evaluate": (*evaluation, *json_too),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", ALL, json.dumps(commands)],
         env=environment,
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=2 * PATIENCE_S,
+        timeout=4 * PATIENCE_S,
     )
-
-
-def summary(environment: dict[str, str], *arguments: str) -> dict[str, Any]:
-    done = ltvn(environment, *arguments, "--json", "-")
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("planar") <= 1
-    return json.loads(done.stdout)
+    return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_a_tour_is_collected_and_names_its_body(environment: dict[str, str], house: str, tmp_path: Path) -> None:
-    drive = tmp_path / "drive.rrd"
-    told = summary(environment, "collect", "--scene", house, "--loops", "1", "--output", str(drive))
-    assert told["frames"] > 10
-    assert Recording.open(drive).meta.config["body"] == "planar"
+def summary(said: dict[str, Any]) -> dict[str, Any]:
+    assert said["code"] == 0, said["stderr"]
+    assert said["stderr"].count("planar") <= 1
+    return json.loads(said["stdout"])
 
 
-def test_bullet_is_refused_with_a_line_that_names_what_runs(environment: dict[str, str], tmp_path: Path) -> None:
-    done = ltvn(environment, "collect", "--body", "bullet", "--output", str(tmp_path / "never.rrd"))
-    assert done.returncode == 1
-    assert "--body planar" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "never.rrd").exists()
+def test_a_tour_is_collected_and_names_its_body(told: dict[str, Any], folder: Path) -> None:
+    assert summary(told["collect"])["frames"] > 10
+    assert Recording.open(folder / "drive.rrd").meta.config["body"] == "planar"
 
 
-def test_the_headless_demo_runs(environment: dict[str, str], house: str, tmp_path: Path) -> None:
-    options = ("--scene", house, "--queries", "1", "--loops", "1", "--recording", str(tmp_path / "demo.rrd"))
-    told = summary(environment, "demo", "--headless", *options)
-    assert told["queries"] == 1
+def test_bullet_is_refused_with_a_line_that_names_what_runs(told: dict[str, Any], folder: Path) -> None:
+    assert told["bullet"]["code"] == 1
+    assert "--body planar" in told["bullet"]["stderr"]
+    assert not (folder / "never.rrd").exists()
+
+
+def test_the_headless_demo_runs(told: dict[str, Any]) -> None:
+    assert summary(told["demo"])["queries"] == 1
 
 
 def test_an_evaluation_runs_and_does_not_go_on_from_one_with_another_body(
-    environment: dict[str, str], house: str, tmp_path: Path
+    told: dict[str, Any], folder: Path, evaluation: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    smallest = ("--scene", house, "--loops", "1", "--goals", "2", "--episodes", "1", "--finetune-steps", "0")
-    command = ("evaluate", *smallest, "--step-limit", "50", "--processes", "1", "--folder", str(tmp_path))
-    assert summary(environment, *command)["episodes"] == 1
-    plan = json.loads(next(tmp_path.glob("*/ltvn/plan.json")).read_text())
+    assert summary(told["evaluate"])["episodes"] == 1
+    plan = json.loads(next((folder / "runs").glob("*/ltvn/plan.json")).read_text())
     assert plan["protocol"]["body"] == "planar"
     pytest.importorskip("pybullet")
-    refused = ltvn({**os.environ, "PYTHONPATH": str(ROOT)}, *command)
-    assert refused.returncode == 1
+    refused = ltvn_here(capsys, *evaluation)
+    assert refused.code == 1
     assert "body" in refused.stderr or "protocol" in refused.stderr
+
+
+def test_the_page_opens_and_its_robot_moves_in_time(told: dict[str, Any]) -> None:
+    assert told["page"] == "time goes on"
 
 
 def test_a_robot_of_ros_2_is_served(environment: dict[str, str]) -> None:
@@ -134,11 +161,3 @@ def test_a_robot_of_ros_2_is_served(environment: dict[str, str]) -> None:
     finally:
         served.kill()
         served.communicate()
-
-
-def test_the_page_opens_and_its_robot_moves_in_time(environment: dict[str, str]) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", APP], env=environment, cwd=ROOT, capture_output=True, text=True, timeout=2 * PATIENCE_S
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("time goes on\n")

@@ -14,6 +14,7 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text
 from tests.core.data.recording import example_recording
+from tests.core.simulation.two_room_mesh import box_house, save
 from tests.platforms import needs_posix
 from tests.program import ltvn_here, skip_without_library
 from tests.repository import DEMO_MAP
@@ -216,9 +217,8 @@ def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path, capsys: p
 
 def test_collect_build_navigate_in_one_go_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tour, built, trip = (tmp_path / name for name in ("tour.rrd", "map.rrd", "trip.rrd"))
-    collected = json.loads(
-        ltvn("collect", "--scene", "train-23", "--loops", "1", "--output", tour, "--json", "-").stdout
-    )
+    house = save(box_house(), tmp_path / "house.glb")
+    collected = json.loads(ltvn("collect", "--scene", house, "--loops", "1", "--output", tour, "--json", "-").stdout)
     assert collected["frames"] == len(Recording.open(tour).frames)
     options = "--output", built, "--predictor", "oracle", "--json", "-"
     summary = json.loads(ltvn_here(capsys, "build", tour, *options).stdout)

@@ -53,11 +53,11 @@ class Setting:
 
 
 SETTINGS = (
-    Setting(name="demo map", queries=6),
-    Setting(name="apartment", scene="apartment-57", images=90, queries=14),
-    Setting(name="plain place", scene="plain-0", images=90, queries=10),
+    Setting(name="demo map", queries=5),
+    Setting(name="apartment", scene="apartment-57", images=90, queries=4),
+    Setting(name="plain place", scene="plain-0", images=90, queries=3),
     Setting(name="doors", world="doors", maintenance="persistent", queries=6, seed=1, most_m=4.5),
-    Setting(name="rival", system="sptm", images=90, queries=4, most_m=1.5),
+    Setting(name="rival", system="sptm", images=90, queries=2, most_m=1.5),
 )
 MORE_SETTINGS = (
     *(Setting(name=f"rival {name}", system=name, images=400, queries=10, most_m=9) for name in OWN_SYSTEMS[1:]),

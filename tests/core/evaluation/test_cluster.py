@@ -133,7 +133,7 @@ def test_a_worker_that_is_not_like_this_machine_is_refused(
     pytest.importorskip("distributed")
     monkeypatch.setattr("ltvn_core.evaluation.workers.version", lambda _: "0.0.7")
     with pytest.raises(EngineError, match=r"A worker has version .* this machine 0\.0\.7"):
-        run(house, tmp_path, cluster="local:2")
+        run(house, tmp_path, cluster="local:1")
 
 
 def test_addresses_that_no_cluster_has_are_refused(tmp_path: Path) -> None:

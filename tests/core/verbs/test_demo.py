@@ -12,6 +12,7 @@ from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import Judged
+from tests.core.simulation.two_room_mesh import box_house, save
 
 pytestmark = pytest.mark.slow
 
@@ -34,9 +35,10 @@ def test_the_demo_reaches_its_goals_and_its_recording_tells_all(tmp_path: Path) 
 
 
 def demonstrate(folder: Path, *, queries: int) -> dict[str, Any]:
-    """Run the README's command with a shorter tour in a smaller apartment, and return what it says."""
+    """Run the README's command with a shorter tour of a small house, and return what it says."""
+    house = save(box_house(), folder / "house.glb")
     options = ["--headless", "--queries", str(queries), "--loops", "1", "--seed", "7", "--json", "-"]
-    files = ["--scene", "apartment-57", "--recording", str(folder / "drive.rrd"), "--map", str(folder / "map.rrd")]
+    files = ["--scene", str(house), "--recording", str(folder / "drive.rrd"), "--map", str(folder / "map.rrd")]
     run = subprocess.run(
         [sys.executable, "-m", "ltvn_core.cli", "demo", *options, *files], capture_output=True, text=True, check=True
     )

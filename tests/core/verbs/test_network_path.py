@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 pytest.importorskip("embreex")
 
 KEYS = ("far_fpr_at_tpr60", "auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
-SMALL = ["--scenes", "tune-3", "--clusters", "4", "--images", "20"]
+SMALL = ["--scenes", "tune-3", "--clusters", "2", "--images", "10"]
 
 
 def ltvn(*arguments: object, summary: Path) -> dict:
@@ -26,8 +26,8 @@ def test_data_training_and_fine_tuning_follow_each_other(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path)
     summary = tmp_path / "summary.json"
     scenes = ["train-00", "tune-0"]
-    made = ltvn("dataset", "--scenes", *scenes, "--clusters", 8, summary=summary)
-    assert made["pairs"] > 2 * 8 * 56
+    made = ltvn("dataset", "--scenes", *scenes, "--clusters", 4, "--processes", 1, summary=summary)
+    assert made["pairs"] > 2 * 4 * 56
 
     trained = ltvn("train", "--output", "first.safetensors", "--steps", 2, "--processes", 1, *SMALL, summary=summary)
     assert trained["steps"] == 2

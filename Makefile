@@ -9,6 +9,8 @@ APP_STAMP := $(VENV)/.app-installed
 # Two threads are plenty for images of 96 x 72, and BLAS threads only get in each other's way.
 export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
+# The tests start hundreds of processes, and each would compile the whole program anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 # So many test processes of one thread each. What stays together, and what comes first, is said in tests/longest_first.py.
 PROCESSES ?= 2

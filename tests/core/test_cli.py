@@ -21,6 +21,8 @@ from tests.repository import DEMO_MAP
 
 pytestmark = pytest.mark.slow
 
+VERBS = "app demo collect build navigate lifelong dataset train replay report view info export"
+
 
 def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
     """Run a command; skip the test where what it needs is not installed."""
@@ -43,21 +45,7 @@ def drive(tmp_path: Path) -> Path:
 
 def test_help_names_every_verb() -> None:
     shown = ltvn("--help").stdout
-    for verb in (
-        "app",
-        "demo",
-        "collect",
-        "build",
-        "navigate",
-        "lifelong",
-        "dataset",
-        "train",
-        "replay",
-        "report",
-        "view",
-        "info",
-        "export",
-    ):
+    for verb in VERBS.split():
         assert verb in shown
 
 
@@ -126,10 +114,8 @@ def test_several_recordings_are_verified_each_by_itself(
     assert ran.stdout.count("frames ") == 2
     assert "ltvn repair" in ran.stdout
     assert [each.get("frames") for each in told] == [10, None, 10]
-    assert [each["frames"] for each in json.loads(ltvn_here(capsys, "info", drive, drive, "--json", "-").stdout)] == [
-        10,
-        10,
-    ]
+    both = json.loads(ltvn_here(capsys, "info", drive, drive, "--json", "-").stdout)
+    assert [each["frames"] for each in both] == [10, 10]
     assert ltvn_here(capsys, "verify").code == 1
 
 

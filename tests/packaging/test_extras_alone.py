@@ -140,13 +140,4 @@ def _check_refusal(program: Path, arguments: tuple[str, ...], missing: str, fold
 
 
 def _python(program: Path, *arguments: str, folder: Path) -> str:
-    done = subprocess.run(
-        [str(next(program.parent.glob("python*"))), *arguments],
-        cwd=folder,
-        env=smoke.environment(),
-        capture_output=True,
-        encoding="utf-8",
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return smoke.run(next(program.parent.glob("python*")), *arguments, folder=folder)

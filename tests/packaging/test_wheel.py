@@ -52,16 +52,16 @@ def test_the_wheel_is_small_and_holds_the_demo_files(wheel: Path) -> None:
 
 
 def test_the_program_says_its_version_and_its_verbs(program: Path, empty_folder: Path) -> None:
-    assert re.fullmatch(r"ltvn \d+\.\d+\.\d+\S*\n", _run(program, "--version", folder=empty_folder))
-    assert "navigate" in _run(program, "--help", folder=empty_folder)
+    assert re.fullmatch(r"ltvn \d+\.\d+\.\d+\S*\n", smoke.run(program, "--version", folder=empty_folder))
+    assert "navigate" in smoke.run(program, "--help", folder=empty_folder)
 
 
 def test_the_demo_map_comes_with_the_package(program: Path, empty_folder: Path) -> None:
     ask = f"from ltvn_core.data.recording.demo_files import demo_file; print(demo_file({DEMO_MAP!r}))"
-    path = _run(program.with_name("python"), "-c", ask, folder=empty_folder).strip()
+    path = smoke.run(program.with_name("python"), "-c", ask, folder=empty_folder).strip()
 
     assert Path(path).is_relative_to(program.parents[1])
-    assert '"nodes": 327' in _run(program, "info", path, "--json", "-", folder=empty_folder)
+    assert '"nodes": 327' in smoke.run(program, "info", path, "--json", "-", folder=empty_folder)
 
 
 def test_the_app_opens_on_the_demo_map(program: Path, empty_folder: Path) -> None:
@@ -111,13 +111,6 @@ def _until_the_link(app: "subprocess.Popen[str]") -> tuple[list[str], str]:
 def _browse(link: str) -> HTTPResponse:
     """Open a link as a browser does."""
     return build_opener(ProxyHandler({})).open(link, timeout=60)
-
-
-def _run(program: Path, *arguments: str, folder: Path) -> str:
-    command = [str(program), *arguments]
-    done = subprocess.run(command, cwd=folder, env=smoke.environment(), capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def _metadata_folder(names: set[str]) -> str:

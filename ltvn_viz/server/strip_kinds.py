@@ -16,24 +16,30 @@ class StripKind(IntEnum):
     """The meaning of a mark; the number is sent to the page. Where marks overlap, the kind with the largest number is
     the most important."""
 
-    ADDED = 0
+    DROVE = 0
+    """The robot was moving, driven by a person or by a query; a few marks a second."""
+    ADDED = 1
     """A single node or edge was added, not with a whole map."""
-    REPLANNED = 1
-    SEEN_OPEN = 2
+    REPLANNED = 2
+    SEEN_OPEN = 3
     """An edge was seen open again."""
-    WORLD_CHANGED = 3
+    WORLD_CHANGED = 4
     """An object was placed or removed, or the light changed."""
-    DOOR_OPENED = 4
-    DOOR_CLOSED = 5
-    SEEN_BLOCKED = 6
-    PRUNED = 7
-    FAILED = 8
+    DOOR_OPENED = 5
+    DOOR_CLOSED = 6
+    SEEN_BLOCKED = 7
+    PRUNED = 8
+    FAILED = 9
     """An attempt did not succeed."""
-    COLLISION = 9
-    QUERY_BEGAN = 10
+    COLLISION = 10
+    QUERY_BEGAN = 11
     """A query began; the mark has its number and its goal."""
-    QUERY_ENDED = 11
+    QUERY_ENDED = 12
     """A query ended; the mark has its number and its `QueryEnd`."""
+
+
+DROVE_EVERY_S = 0.25
+"""Interval between two marks of a robot that moves, in seconds."""
 
 
 class Lane(IntEnum):
@@ -59,6 +65,7 @@ class StripStyle(NamedTuple):
 
 
 STRIP_STYLES: dict[StripKind, StripStyle] = {
+    StripKind.DROVE: StripStyle(Lane.DRIVING, "–", palette.ROBOT, "driven"),
     StripKind.ADDED: StripStyle(Lane.MAP, "▲", palette.EDGE_ADDED, "came in", "edge"),
     StripKind.REPLANNED: StripStyle(Lane.DRIVING, "◆", palette.PLAN, "new plan", "edge"),
     StripKind.SEEN_OPEN: StripStyle(Lane.WORLD, "○", palette.EDGE_ADDED, "seen open", "edge"),
@@ -118,6 +125,8 @@ def strip_tables() -> dict[str, object]:
         "lanes": [LANE_NAMES[lane] for lane in Lane],
         "bars": bars,
         "underWay": UNDER_WAY._asdict() | {"colour": UNDER_WAY.colour.css},
+        "drove": int(StripKind.DROVE),
+        "droveMs": round(1000 * DROVE_EVERY_S),
         "began": int(StripKind.QUERY_BEGAN),
         "ended": int(StripKind.QUERY_ENDED),
     }

@@ -64,7 +64,7 @@ function rowAt(time) {
 function marksBetween(from, to) {
   const rows = [];
   for (let row = rowAt(from); row < strip.times.length && strip.times[row] <= to; row++) {
-    if (strip.kinds[row] in TIMELINE.kinds) rows.push(row);
+    if (strip.kinds[row] in TIMELINE.kinds && strip.kinds[row] !== TIMELINE.drove) rows.push(row);
   }
   return rows;
 }

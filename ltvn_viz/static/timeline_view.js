@@ -94,6 +94,7 @@ function drawStrip() {
   drawLanes(brush, width);
   drawAxis(brush, width, height);
   drawQueries(brush, width);
+  drawDriving(brush);
   drawMarks(brush, width);
   view.drawnLength = moment.length;
   placeCursor();
@@ -146,6 +147,19 @@ function drawQueries(brush, width) {
   }
 }
 
+// Where the robot was moving: a bar at the foot of the first lane, which hides no sign.
+function drawDriving(brush) {
+  brush.fillStyle = TIMELINE.kinds[TIMELINE.drove].colour;
+  const [end, wide] = [viewEnd(), Math.max(columnOf(view.from + TIMELINE.droveMs), COLUMN)];
+  let drawn = -wide;
+  for (let row = rowAt(view.from); row < strip.times.length && strip.times[row] <= end; row++) {
+    const column = columnOf(strip.times[row]);
+    if (strip.kinds[row] !== TIMELINE.drove || column < drawn + COLUMN / 2) continue;
+    brush.fillRect(column - wide, LANE.queries + LANE.marks - 3, wide, 2);
+    drawn = column;
+  }
+}
+
 // Per lane: how many marks each column has, and the kind that matters most among them.
 function countedMarks(width) {
   const columns = Math.ceil(width / COLUMN) + 1;
@@ -156,7 +170,7 @@ function countedMarks(width) {
   const perMs = width / (end - view.from) / COLUMN;
   for (let row = rowAt(view.from); row < strip.times.length && strip.times[row] <= end; row++) {
     const style = TIMELINE.kinds[strip.kinds[row]];
-    if (style === undefined) continue;
+    if (style === undefined || strip.kinds[row] === TIMELINE.drove) continue;
     const place = (isOneLane ? 0 : style.lane) * columns + Math.floor((strip.times[row] - view.from) * perMs);
     counts[place] += 1;
     kinds[place] = Math.max(kinds[place], strip.kinds[row]);

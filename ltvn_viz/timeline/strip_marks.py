@@ -15,18 +15,22 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
 from ltvn_core.analysis.timeline_rows import event_mark
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
-from ltvn_viz.server.strip_kinds import QueryEnd, StripKind
+from ltvn_viz.server.strip_kinds import DROVE_EVERY_S, QueryEnd, StripKind
 
 STRIP_NUMBERS = 10**8
 """Factor in the number by which a page requests rows: the number of the run times this factor, plus the first row."""
 _KEPT = 4
 """Number of runs whose rows are kept; a page that lags behind asks again for the current run."""
 _NOBODY = -1
+_MOVED = 2e-3
+"""Least change of the pose between two images, in metres or radians, of a robot that moves."""
 _KINDS: Mapping[MarkKind, StripKind] = {
     MarkKind.ADD: StripKind.ADDED,
     MarkKind.EXPAND: StripKind.ADDED,
@@ -63,6 +67,8 @@ class StripMarks:
         self.start_s = run.start_s
         self._events: Sequence[e.StampedEvent] = run.events
         self._taken = 0
+        self._frames = 0
+        self._drove_s = -math.inf
         self._plan: tuple[NodeId, ...] | None = None
         self._arrived = False
         """Whether the robot reported its arrival in the last query."""
@@ -72,13 +78,29 @@ class StripMarks:
         return self._events is run.events and self.start_s == run.start_s
 
     def take_in(self, run: Timeline) -> None:
-        """Make rows of the events since the last call; constant time for each event."""
+        """Make rows of the events and images since the last call; constant time for each."""
+        rows = self._drove(run)
         for number in range(self._taken, len(run.events)):
             event = run.events[number].event
             if (found := self._mark(event)) is not None:
                 after_s = max(0.0, run.instant(number).stamp - self.start_s)
-                self.rows.append(StripRow(math.ceil(1000 * after_s - 1e-6), *found))
+                rows.append(StripRow(_ms(after_s), *found))
         self._taken = len(run.events)
+        self.rows += sorted(rows, key=lambda row: row.time_ms)
+
+    def _drove(self, run: Timeline) -> list[StripRow]:
+        """Return a row for each moment at which the robot was moving."""
+        rows: list[StripRow] = []
+        for number in range(max(self._frames, 1), len(run.frames)):
+            stamp = run.frames.stamp(number)
+            if stamp < self._drove_s + DROVE_EVERY_S:
+                continue
+            moved = np.abs(run.frames.driven_pose(number) - run.frames.driven_pose(number - 1)).max()
+            if moved > _MOVED:
+                self._drove_s = stamp
+                rows.append(StripRow(_ms(max(0.0, stamp - self.start_s)), StripKind.DROVE))
+        self._frames = len(run.frames)
+        return rows
 
     def _mark(self, event: e.Event) -> tuple[StripKind, int, int] | None:
         found = event_mark(event, self._plan)
@@ -99,6 +121,10 @@ class StripMarks:
             return None
         first, second, *_ = (*found.about, _NOBODY, _NOBODY)
         return _KINDS[found.kind], first, second
+
+
+def _ms(seconds: float) -> int:
+    return math.ceil(1000 * seconds - 1e-6)
 
 
 def _end(outcome: e.Outcome) -> QueryEnd:

@@ -11,7 +11,7 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import GraphChanged, Outcome, StampedEvent, WorldChanged
 from ltvn_core.types import CONTROL_STEP_S, Twist
 from ltvn_core.worlds import DoorMoved
-from ltvn_viz.panels.replay_panel import TELL_EVERY_S, TimelinePanel
+from ltvn_viz.panels.replay_panel import TimelinePanel
 from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
 from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, adjacent_instant
@@ -78,18 +78,19 @@ def test_every_kind_of_mark_has_a_sign_of_its_own_and_the_page_knows_it() -> Non
     json.dumps(strip_tables())
 
 
-def test_a_moment_is_told_once_and_time_that_only_goes_on_ten_times_a_second() -> None:
+@pytest.mark.parametrize(("is_now", "least", "most"), [(False, 9, 11), (True, 2, 3)])
+def test_a_moment_is_told_once_and_time_that_only_goes_on_now_and_then(is_now: bool, least: int, most: int) -> None:
     told: list[str] = []
     now = [0.0]
     panel = TimelinePanel(told.append, lambda: now[0])
     for tick in range(31):
         now[0] = tick / 30
-        panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0], length_s=9.0)))
-    assert 9 <= len(told) <= 11
+        panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0], length_s=9.0, is_now=is_now)))
+    assert least <= len(told) <= most
     panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0] + 0.01, length_s=9.0, is_playing=True)))
     assert json.loads(told[-1])["playing"] is True
     before = len(told)
-    now[0] += 2 * TELL_EVERY_S
+    now[0] += 1.0
     panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=1.01, length_s=9.0, is_playing=True)))
     assert len(told) == before
 
@@ -145,3 +146,21 @@ def test_back_from_a_robot_that_stands_the_last_thing_that_happened_comes_first(
     before = adjacent_instant(run, last, forwards=False)
     assert before is not None
     assert before.stamp < last.stamp
+
+
+def test_where_a_person_drove_is_marked_while_the_robot_moves_and_in_order(harness: SessionHarness) -> None:
+    run = harness.state.live.timeline
+    strip = StripMarks(run)
+    strip.take_in(run)
+    before = len(strip.rows)
+    harness.driver.twist = Twist(0.2, 0.0)
+    harness.wait(60)
+    harness.driver.twist = None
+    strip.take_in(run)
+    drove = [row for row in strip.rows[before:] if row.kind is StripKind.DROVE]
+    assert 5 <= len(drove) <= 9
+    harness.wait(60)
+    known = len(strip.rows)
+    strip.take_in(run)
+    assert all(row.kind is not StripKind.DROVE for row in strip.rows[known + 1 :])
+    assert all(one.time_ms <= other.time_ms for one, other in pairwise(strip.rows))

@@ -107,7 +107,7 @@ function moveView(x, y, scale) {
   showTools();
 }
 
-function zoom(factor, px = size.width / 2, py = size.height / 2) {
+function zoomPlan(factor, px = size.width / 2, py = size.height / 2) {
   const [x, y] = planPlace(px, py);
   const scale = Math.min(Math.max(eye.scale * factor, 1), MOST_SCALE);
   moveView(x - (px - size.width / 2) / scale, y + (py - size.height / 2) / scale, scale);
@@ -313,7 +313,7 @@ function onPlanMove(event) {
   hover(null);
   if (pointers.size === 1) return moveView(eye.x - (at[0] - before[0]) / eye.scale, eye.y + (at[1] - before[1]) / eye.scale, eye.scale);
   const pinch = pinchOf();
-  if (drag.pinch !== null) zoom(pinch.length / drag.pinch.length, pinch.x, pinch.y);
+  if (drag.pinch !== null) zoomPlan(pinch.length / drag.pinch.length, pinch.x, pinch.y);
   drag.pinch = pinch;
 }
 
@@ -340,7 +340,7 @@ function overPlan(px, py) {
 
 function onWheel(event) {
   event.preventDefault();
-  zoom(1.0015 ** -event.deltaY, ...placeIn(event));
+  zoomPlan(1.0015 ** -event.deltaY, ...placeIn(event));
 }
 
 const PLAN_KEYS = {
@@ -348,8 +348,8 @@ const PLAN_KEYS = {
   ArrowRight: () => moveView(eye.x + 40 / eye.scale, eye.y, eye.scale),
   ArrowUp: () => moveView(eye.x, eye.y + 40 / eye.scale, eye.scale),
   ArrowDown: () => moveView(eye.x, eye.y - 40 / eye.scale, eye.scale),
-  Equal: () => zoom(1.25),
-  Minus: () => zoom(0.8),
+  Equal: () => zoomPlan(1.25),
+  Minus: () => zoomPlan(0.8),
   Digit0: () => wholeFloor(),
 };
 
@@ -389,8 +389,8 @@ function showFolds() {
 }
 
 const TOOLS = {
-  "ltvn-in": () => zoom(1.4),
-  "ltvn-out": () => zoom(1 / 1.4),
+  "ltvn-in": () => zoomPlan(1.4),
+  "ltvn-out": () => zoomPlan(1 / 1.4),
   "ltvn-whole": wholeFloor,
   "ltvn-follow": () => {
     isFollowing = !isFollowing;
@@ -426,7 +426,7 @@ function listenToPlan() {
   for (const kind of ["pointerup", "pointercancel"]) root.addEventListener(kind, onPlanUp);
   root.addEventListener("pointerleave", () => hover(null));
   root.addEventListener("wheel", onWheel, { passive: false });
-  root.addEventListener("dblclick", (event) => zoom(2, ...placeIn(event)));
+  root.addEventListener("dblclick", (event) => zoomPlan(2, ...placeIn(event)));
   root.addEventListener("contextmenu", (event) => event.preventDefault());
   addEventListener("pointermove", onSceneMove, true);
   addEventListener("click", onSceneClick, true);

@@ -5,6 +5,7 @@ import json
 import queue
 import re
 import socket
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +24,7 @@ from websockets.sync.connection import Connection
 from ltvn_core.errors import ServerError
 from ltvn_viz.server.drive_socket import DriveListener, Newest
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.index_page import mended
+from ltvn_viz.server.index_page import SCRIPTS, STATIC, mended
 from ltvn_viz.server.requests import REFUSED_CODE, Proof
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX, SavedFiles
 from tests.viz.page_sockets import CAMERA, proof
@@ -266,6 +267,14 @@ def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(
     with open_socket(server, "/drive") as late:
         said = [late.recv(timeout=PATIENCE_S) for _ in range(2)]
     assert b"a jpeg" in said
+
+
+def test_no_part_of_the_page_s_script_replaces_a_function_of_another_part() -> None:
+    """All parts share one scope, in which the last function of a name silently wins."""
+    script = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    names = re.findall(r"^(?:async )?function\*? (\w+)", script, re.MULTILINE)
+    assert len(names) > 100
+    assert [name for name, count in Counter(names).items() if count > 1] == []
 
 
 def test_a_page_of_another_viser_is_refused_rather_than_served_unmended() -> None:

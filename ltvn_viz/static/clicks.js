@@ -35,11 +35,9 @@ function isSameControl(one, other) {
   return ["ltvnAction", "id", "text"].every((name) => one.dataset[name] === other.dataset[name]);
 }
 
-// viser greys its own controls while its socket is lost, and hides them from the pointer; the scene looks as before.
+// viser greys its own controls while its socket is lost, and hides them from the pointer.
 function sayIfDead(event) {
-  if (isViserOpen || !event.isTrusted) return;
-  if (viserPanel()?.contains(event.target)) sayUnheard("The press");
-  else if (event.target.matches("canvas[data-engine]") && !isDrag(event)) sayUnheard("The click");
+  if (!isViserOpen && event.isTrusted && viserPanel()?.contains(event.target)) sayUnheard("The press");
 }
 
 function isDrag({ clientX, clientY }) {

@@ -34,14 +34,17 @@ function hearPath({ points }, name) {
 async function fetchMap() {
   if (plan.isFetching || plan.view === null || plan.view.map === plan.version) return;
   plan.isFetching = true;
+  let isTaken = false;
   try {
     const answer = await fetchWithToken(`/map/${plan.version}.json`);
     if (answer.ok) takeMap(await answer.json());
+    isTaken = answer.ok;
   } catch {
     // No connection: the next view that comes asks again.
   } finally {
     plan.isFetching = false;
   }
+  if (isTaken && plan.version < plan.view.map) fetchMap(); // A newer view came meanwhile, and may be the last.
 }
 
 function takeMap({ version, whole, nodes, goneNodes, edges, goneEdges }) {

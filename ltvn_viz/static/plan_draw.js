@@ -447,6 +447,7 @@ let isFrameDue = false;
 function frameSoon() {
   if (isFrameDue || document.hidden) return;
   isFrameDue = true;
+  delete byId("ltvn-plan").dataset.drawn;
   requestAnimationFrame(drawFrame);
 }
 
@@ -457,4 +458,11 @@ function drawFrame() {
   let isMore = false;
   for (const sheet of Object.values(sheets)) isMore = sheet.step(until) || isMore;
   if (isMore) frameSoon();
+  else if (isAllHere()) byId("ltvn-plan").dataset.drawn = String(plan.nodes.size);
+}
+
+// For whoever drives this page by a script: all that the server told of is drawn, so many nodes.
+function isAllHere() {
+  const shown = [plan.view?.floor, plan.view?.sheet].filter(Boolean);
+  return plan.view?.map === plan.version && shown.every(({ picture }) => pictures.get(picture) !== null);
 }

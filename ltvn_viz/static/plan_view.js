@@ -107,8 +107,9 @@ function moveView(x, y, scale) {
   showTools();
 }
 
-function zoomPlan(factor, px = size.width / 2, py = size.height / 2) {
-  const [x, y] = planPlace(px, py);
+// What was below one point of the picture is below another one afterwards; the same unless fingers moved it.
+function zoomPlan(factor, px = size.width / 2, py = size.height / 2, fromX = px, fromY = py) {
+  const [x, y] = planPlace(fromX, fromY);
   const scale = Math.min(Math.max(eye.scale * factor, 1), MOST_SCALE);
   moveView(x - (px - size.width / 2) / scale, y + (py - size.height / 2) / scale, scale);
 }
@@ -313,7 +314,7 @@ function onPlanMove(event) {
   hover(null);
   if (pointers.size === 1) return moveView(eye.x - (at[0] - before[0]) / eye.scale, eye.y + (at[1] - before[1]) / eye.scale, eye.scale);
   const pinch = pinchOf();
-  if (drag.pinch !== null) zoomPlan(pinch.length / drag.pinch.length, pinch.x, pinch.y);
+  if (drag.pinch !== null && pinch !== null) zoomPlan(pinch.length / drag.pinch.length, pinch.x, pinch.y, drag.pinch.x, drag.pinch.y);
   drag.pinch = pinch;
 }
 

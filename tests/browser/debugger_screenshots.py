@@ -21,7 +21,7 @@ from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import LAST_S, WINDOW, DebuggerPage, open_debugger
 from tests.browser.pages import wait_until_drawn
-from tests.browser.screenshots import save, show_auto, shown
+from tests.browser.screenshots import save, shown
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
@@ -154,7 +154,6 @@ def main(names: list[str]) -> int:
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         with open_debugger(browser, recordings, "demo-fault.rrd") as debugger:
             _clear_the_view(debugger.page)
-            show_auto(debugger.page)
             for name, show in PICTURES.items():
                 if not names or name in names:
                     show(debugger)
@@ -201,7 +200,7 @@ def _clear_the_view(page: Page) -> None:
 
 def _drawn(debugger: DebuggerPage) -> None:
     """Wait until the browser has drawn the scene anew."""
-    wait_until_drawn(debugger.app.server.viser)
+    wait_until_drawn(debugger.page)
     debugger.page.mouse.move(5, 5)
 
 

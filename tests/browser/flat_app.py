@@ -16,6 +16,7 @@ from ltvn_viz.page_layout import PageAssets, Painter, build_layout
 from ltvn_viz.server.driver_seat import IDLE_S, LEASE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.goals import node_picture
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
@@ -55,6 +56,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     seat = DriverSeat(lease_s=LEASE_S if lease_s is None else lease_s, idle_s=idle_s)
     with GuardedServer(seat=seat, pace=ANY_PACE) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
+        server.add_route("/seen/", lambda frame: node_picture(harness.state.shown_observation, frame))
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
         server.add_route(SAVED_PREFIX, harness.state.saved_files.read, ending=SAVED_ENDING)
         painters: list[Painter] = []

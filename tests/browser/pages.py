@@ -3,15 +3,15 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
 import viser
-import viser.transforms as vt
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
-_DRAW_FULLY = """
-try { localStorage.setItem("ltvn-drawing", "full"); } catch { /* A page without an address of its own. */ }
+PLAN = "#ltvn-plan"
+"""The map from above."""
+_SHOW_3D = """
+try { localStorage.setItem("ltvn-view", "3d"); } catch { /* A page without an address of its own. */ }
 """
 _DRAW_SELDOM = """
 requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), 200);
@@ -24,9 +24,9 @@ for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "draw
 """
 
 
-def draw_fully(pages: BrowserContext | Page) -> None:
-    """Let pages that are opened from now on draw all there is, however slowly this machine does."""
-    pages.add_init_script(_DRAW_FULLY)
+def show_3d(pages: BrowserContext | Page) -> None:
+    """Let pages that are opened from now on show the 3D scene, which a page drawn by the processor does on demand."""
+    pages.add_init_script(_SHOW_3D)
 
 
 def draw_seldom(pages: BrowserContext | Page) -> None:
@@ -34,25 +34,30 @@ def draw_seldom(pages: BrowserContext | Page) -> None:
 
     Without a graphics card the processor draws, which would leave little of it to the tests.
     """
-    draw_fully(pages)
     pages.add_init_script(_DRAW_SELDOM)
 
 
 def draw_nothing(pages: BrowserContext | Page) -> None:
-    """Leave the canvas of pages that are opened from now on empty; all else works, clicks on the scene among it."""
+    """Leave the 3D canvas of pages that are opened from now on empty; all else works, the map from above among it."""
     draw_seldom(pages)
     pages.add_init_script(_DRAW_NOTHING)
 
 
 @contextmanager
-def open_page(browser: Browser, url: str, *, width: int, height: int, draws: bool = True) -> Iterator[Page]:
+def open_page(
+    browser: Browser, url: str, *, width: int, height: int, draws: bool = True, scene: bool = False
+) -> Iterator[Page]:
     """Open an address in a window of so many pixels, and close it at the end; see `draw_seldom` and `draw_nothing`.
+
+    With `scene` the page shows the 3D scene in place of the map from above.
 
     The system asks for dark colours, as it does in the pictures of the documents.
     """
     page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark")
     spare = draw_seldom if draws else draw_nothing
     spare(page)
+    if scene:
+        show_3d(page)
     page.set_default_timeout(PATIENCE_MS)
     try:
         page.goto(url)
@@ -61,28 +66,34 @@ def open_page(browser: Browser, url: str, *, width: int, height: int, draws: boo
         page.close()
 
 
-def wait_until_drawn(server: viser.ViserServer) -> viser.ClientHandle:
-    """Wait until the only page of a server has drawn its scene, and return the server's end of it."""
+def wait_until_drawn(page: Page) -> int:
+    """Wait until a page has drawn the map from above as the app knows it, and return its number of nodes."""
+    page.locator(f"{PLAN}[data-drawn]").wait_for(state="attached")
+    return int(until(lambda: page.locator(PLAN).get_attribute("data-drawn")) or 0)
+
+
+def wait_for_scene(server: viser.ViserServer) -> viser.ClientHandle:
+    """Wait until the only page of a server has drawn its 3D scene, and return the server's end of it."""
     until(lambda: len(server.get_clients()) == 1, explain=server.get_clients)
     (client,) = server.get_clients().values()
     client.get_render(60, 80, timeout=PATIENCE_S)
     return client
 
 
-def is_bare_scene(page: Page, point: tuple[float, float]) -> bool:
-    """Tell whether a click at a point of the window, in pixels, would meet the scene and no panel, pad or picture."""
-    return page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.tagName === 'CANVAS'", list(point))
+def is_bare_map(page: Page, point: tuple[float, float]) -> bool:
+    """Tell whether a click at a point of the window, in pixels, would meet the map and no panel, key or picture."""
+    return page.evaluate(f"([x, y]) => document.elementFromPoint(x, y)?.matches('{PLAN}') ?? false", list(point))
 
 
-def on_screen(server: viser.ViserServer, page: Page, point: np.ndarray) -> tuple[float, float]:
-    """Return where a point (3,) of the scene, in metres, appears in the window, in pixels."""
-    camera = wait_until_drawn(server).camera
-    pose = vt.SE3.from_rotation_and_translation(vt.SO3(np.asarray(camera.wxyz)), np.asarray(camera.position))
-    seen = pose.inverse().apply(point)
-    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    box = page.locator("canvas[data-engine]").bounding_box()
+def on_screen(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Return where a place of the map from above, in metres, appears in the window, in pixels."""
+    wait_until_drawn(page)
+    plan = page.locator(PLAN)
+    eye, box = plan.get_attribute("data-eye"), plan.bounding_box()
+    assert eye is not None
     assert box is not None
+    eye_x, eye_y, scale = map(float, eye.split())
     return (
-        float(box["x"] + camera.image_width / 2 + focal * seen[0] / seen[2]),
-        float(box["y"] + camera.image_height / 2 + focal * seen[1] / seen[2]),
+        box["x"] + box["width"] / 2 + (x - eye_x) * scale,
+        box["y"] + box["height"] / 2 - (y - eye_y) * scale,
     )

@@ -13,11 +13,6 @@ QUALITY = 70
 """Of 100."""
 
 
-def show_auto(page: Page) -> None:
-    """Let a page that was told to draw fully look like one on a computer with a graphics card."""
-    page.evaluate("document.getElementById('ltvn-drawing').value = 'auto'")
-
-
 def shown(page: Page) -> Image.Image:
     """Return what the window shows."""
     return Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).convert("RGB")

@@ -23,7 +23,7 @@ from ltvn_viz.wishes.commands import Mode
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.pages import open_page, wait_until_drawn
-from tests.browser.screenshots import show_auto, shown
+from tests.browser.screenshots import shown
 from tests.repository import ROOT
 from tests.waiting import until
 
@@ -49,14 +49,6 @@ _POINTER = """([x, y]) => {
 }"""
 _STYLE = ".mantine-Notification-root {display: none !important} .lt-health {visibility: hidden}"
 """Captions stand in the panel too; and how well the app keeps up means nothing where time waits for pictures."""
-_HAS_WALLS = """() => {
-  let found = false;
-  for (const [name, node] of Object.entries(window.__viserMutable?.nodeRefFromName ?? {})) {
-    if (name.startsWith("/apartment")) node?.traverse((part) => (found = found || part.isMesh === true));
-  }
-  return found;
-}"""
-"""A world that changed is built anew by the page, which takes the processor seconds."""
 _NO_POINTER = "document.getElementById('film-pointer')?.remove()"
 
 
@@ -72,8 +64,7 @@ class Film:
 
     def take(self, stays_ms: int) -> None:
         """Take a picture of the page as it is now."""
-        until(lambda: self.page.evaluate(_HAS_WALLS))
-        wait_until_drawn(self.app.server.viser)
+        wait_until_drawn(self.page)
         path = self.folder / f"{len(self.pictures):03}-{stays_ms}.png"
         shown(self.page).save(path)
         self.pictures.append((path, stays_ms))
@@ -138,7 +129,6 @@ def _opened(folder: Path) -> Iterator[Film]:
             with open_page(browser, app.server.url, **WINDOW) as page:
                 page.get_by_text("Next:").wait_for()
                 page.add_style_tag(content=_STYLE)
-                show_auto(page)
                 yield Film(app, page, folder)
         finally:
             app.session.close()

@@ -29,7 +29,7 @@ from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import DebuggerPage
 from tests.browser.pages import draw_seldom, open_page, wait_until_drawn
 from tests.browser.running_app import running_app
-from tests.browser.screenshots import save, save_image, show_auto, shown
+from tests.browser.screenshots import save, save_image, shown
 from tests.repository import RECORDINGS, ROOT
 from tests.waiting import PATIENCE_MS, until
 
@@ -54,12 +54,10 @@ def main() -> int:
         options = AppOptions(port=0, recordings=Path(folder), seed=1)
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         with running_app(options) as app:
-            _draw_lightly(app, browser)
             telephone = _on_telephone(app, browser, (None, "Go"))
             with open_page(browser, app.server.url, **WINDOW) as page:
                 page.get_by_text("Next:").wait_for()
                 page.add_style_tag(content=_NO_NOTICES)
-                show_auto(page)
                 _drive(app, page)
                 _go(app, page)
                 _change_the_world(app, page)
@@ -131,22 +129,9 @@ def _ask_why(app: RunningApp, page: Page, folder: Path) -> None:
     _take(app, page, "why")
 
 
-def _draw_lightly(app: RunningApp, browser: Browser) -> None:
-    """Show the page as the processor draws it when nobody asks for more."""
-    page = browser.new_page(viewport=SMALL, color_scheme="dark")
-    page.set_default_timeout(PATIENCE_MS)
-    page.goto(app.server.url)
-    page.get_by_text("Light drawing: this device draws slowly").wait_for()
-    page.get_by_text("Next:").wait_for()
-    page.add_style_tag(content=_NO_NOTICES)
-    _take(app, page, "light")
-    page.close()
-    until(lambda: not app.server.viser.get_clients())
-
-
 def _take(app: RunningApp, page: Page, name: str) -> None:
-    """Take a picture as soon as the browser has drawn the scene anew."""
-    wait_until_drawn(app.server.viser)
+    """Take a picture as soon as the browser has drawn the map anew."""
+    wait_until_drawn(page)
     page.mouse.move(5, 5)
     save(page, FOLDER / f"{name}.webp")
 
@@ -160,12 +145,11 @@ def _on_telephone(app: RunningApp, browser: Browser, tabs: Sequence[str | None])
     page.goto(app.server.url)
     page.locator("#ltvn-nav").get_by_role("button").first.wait_for()
     page.add_style_tag(content=_NO_NOTICES)
-    show_auto(page)
     for tab in tabs:
         if tab is not None:
             page.locator("#ltvn-nav").get_by_role("button", name=tab).click()
             page.get_by_role("button", name="close the panel").wait_for()
-        wait_until_drawn(app.server.viser)
+        wait_until_drawn(page)
         seen.append(shown(page))
     telephone.close()
     until(lambda: not app.server.viser.get_clients())

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import press, wait_for_built_map
-from tests.browser.pages import open_page, wait_until_drawn
+from tests.browser.pages import open_page, wait_for_scene
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
 
@@ -37,9 +37,9 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
 
 
 def test_the_apartment_is_drawn(app: RunningApp, chromium: Browser) -> None:
-    with open_page(chromium, app.server.url, width=900, height=560) as page:
+    with open_page(chromium, app.server.url, width=900, height=560, scene=True) as page:
         page.get_by_text("Next:").wait_for()
-        client = wait_until_drawn(app.server.viser)
+        client = wait_for_scene(app.server.viser)
         drawn = client.get_render(120, 160, timeout=PATIENCE_S)[..., :3]
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 500
 

@@ -127,14 +127,14 @@ def test_a_gallery_image_sends_the_robot_there(app: FlatApp, page: Page) -> None
     assert app.harness.now.selected == goal
 
 
-def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: Page) -> None:
+def test_clicking_a_node_of_the_map_sends_the_robot_there(app: FlatApp, page: Page) -> None:
     graph = app.harness.now.moment.graph
     # A node by itself, away from the robot and from the window's edge, so that the click can mean only one.
     xy = graph.poses[:, :2]
     alone = np.sort(np.linalg.norm(xy[:, None] - xy[None], axis=-1), axis=1)[:, 1]
     alone[np.linalg.norm(xy - app.harness.robot.pose[:2], axis=1) < 0.7] = 0
     row = int(np.argmax(alone))
-    page.mouse.click(*on_screen(app.server.viser, page, np.array([*xy[row], 0.08])))
+    page.mouse.click(*on_screen(page, *xy[row]))
     now = until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     assert now.moment.progress.goal is None or now.selected == int(graph.ids[row])
 

@@ -10,13 +10,12 @@ from playwright.sync_api import Browser, Page, expect
 from ltvn_core.data.importing.floor_plan_alignment import align_floor_plan
 from ltvn_core.geometry import compose, relative
 from ltvn_core.types import Pose
-from ltvn_viz.layers import NODE_Z
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.snapshot import FloorPlanView
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import PRESSED_S, press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving
-from tests.browser.pages import is_bare_scene, on_screen, open_page
+from tests.browser.pages import is_bare_map, on_screen, open_page
 from tests.core.data.importing.plan_files import laid_room
 from tests.waiting import until
 
@@ -62,21 +61,17 @@ def point_out(app: FlatApp, page: Page, row: int, *, pairs: int) -> None:
         pose = graph.poses[int(np.flatnonzero(graph.ids == view_of(app).node)[0])]
         return compose(frame_of(app), relative(TRUE_FRAME, pose))
 
-    click(app, page, lambda: graph.poses[row], NODE_Z, lambda: view_of(app).node is not None)
+    click(page, lambda: graph.poses[row], lambda: view_of(app).node is not None)
     expect(page.get_by_text(f"place of node {view_of(app).node}").first).to_be_visible()
-    click(app, page, place, 0.0, lambda: view_of(app).pairs == pairs)
+    click(page, place, lambda: view_of(app).pairs == pairs)
 
 
-def click(app: FlatApp, page: Page, at: Callable[[], Pose], height_m: float, took_effect: Callable[[], bool]) -> None:
-    """Click a point of the scene until the click takes effect.
-
-    The sheet that receives clicks on the plan comes and goes in the browser a moment after the app says so. A click
-    that meets a sheet which is no longer wanted is dropped; one that comes before the sheet may choose another node.
-    """
+def click(page: Page, at: Callable[[], Pose], took_effect: Callable[[], bool]) -> None:
+    """Click a place of the map until the click takes effect: the page knows what it is for a moment after the app."""
 
     def again() -> None:
-        point = on_screen(app.server.viser, page, np.array([*at()[:2], height_m]))
-        assert is_bare_scene(page, point)
+        point = on_screen(page, *at()[:2])
+        assert is_bare_map(page, point)
         page.mouse.click(*point)
         with suppress(AssertionError):
             until(took_effect, patience_s=PRESSED_S)

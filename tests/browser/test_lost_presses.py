@@ -9,7 +9,6 @@ from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.wishes.wish_table import Action
 from tests.browser.drive_page import FIELD, DrivePage, open_drive_page
-from tests.browser.pages import is_bare_scene
 from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
@@ -85,22 +84,6 @@ def test_while_viser_s_socket_is_lost_our_buttons_work_and_viser_s_controls_say_
         said.is_visible,
         meanwhile=lambda: page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2),
     )
-
-
-def test_a_click_into_the_scene_while_viser_s_socket_is_lost_is_said(door: DrivePage) -> None:
-    page = open_page(door)
-    page.evaluate("document.hasFocus = () => false")
-    door.server.viser._websock_server.disconnect_all_clients()
-    until(lambda: not door.server.viser.get_clients())
-    page.set_viewport_size({"width": 1200, "height": 800})
-    said = page.get_by_role("alert").filter(has_text="not heard")
-    until(lambda: is_bare_scene(page, (300, 200)))
-    page.mouse.move(300, 200)
-    page.mouse.down()
-    page.mouse.move(340, 200)
-    page.mouse.up()
-    expect(said).to_be_hidden()
-    until(said.is_visible, meanwhile=lambda: page.mouse.click(300, 200))
 
 
 def test_a_button_that_is_drawn_anew_under_a_press_is_pressed_once(door: DrivePage) -> None:

@@ -13,7 +13,7 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, wait_for_rest
-from tests.browser.pages import is_bare_scene, on_screen, open_page
+from tests.browser.pages import is_bare_map, on_screen, open_page
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
 
@@ -79,8 +79,8 @@ def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> 
     alone = np.sort(np.linalg.norm(places[:, None] - places, axis=-1), axis=1)[:, 1]
     away = np.linalg.norm(places - robot, axis=1)
     alone[(away < NOT_HERE_M) | (away > NEAR_M)] = 0
-    shown = ((row, on_screen(app.server.viser, page, np.array([*places[row], 0.08]))) for row in np.argsort(-alone))
-    row, point = next((row, point) for row, point in shown if is_bare_scene(page, point))
+    shown = ((row, on_screen(page, *places[row])) for row in np.argsort(-alone))
+    row, point = next((row, point) for row, point in shown if is_bare_map(page, point))
     page.mouse.click(*point)
     until(lambda: app.session.mode is Mode.NAVIGATING)
     assert_the_robot_goes_to(app, nodes[row])

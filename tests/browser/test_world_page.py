@@ -11,7 +11,6 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.worlds import DoorMoved, LightChanged, ThingPlaced, ThingRemoved, WorldChange
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.layers.world_layers import BOX_HANDLE_Z, DOOR_HANDLE_Z
 from ltvn_viz.session.snapshot import BoxView, WorldView
 from tests.browser.pages import on_screen, open_page
 from tests.browser.running_app import running_app
@@ -61,8 +60,8 @@ def press(page: Page, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).click()
 
 
-def click_in_scene(app: RunningApp, page: Page, x: float, y: float, z: float = 0.0) -> None:
-    page.mouse.click(*on_screen(app.server.viser, page, np.array([x, y, z])))
+def click_map(page: Page, x: float, y: float) -> None:
+    page.mouse.click(*on_screen(page, x, y))
 
 
 def recorded_changes(app: RunningApp) -> list[WorldChange]:
@@ -84,25 +83,25 @@ def test_what_a_person_changes_in_the_page_is_in_the_recording(app: RunningApp, 
     expect(page.locator("#ltvn-rec .lt-rec")).to_be_visible()
     page.get_by_role("tab", name="World").click()
     door = view(app).doors[1]
-    click_in_scene(app, page, door.x, door.y, DOOR_HANDLE_Z)
+    click_map(page, door.x, door.y)
     until(lambda: not view(app).doors[1].is_open)
     page.get_by_role("button", name=f"{door.label}: closed", exact=True).last.click()
     until(lambda: view(app).doors[1].is_open)
 
     press(page, "Put a box on the floor")
     page.get_by_text("Click the floor").wait_for()
-    click_in_scene(app, page, *HERE)
+    click_map(page, *HERE)
     until(lambda: box_near(app, HERE), explain=lambda: view(app))
     box = view(app).boxes[0]
     page.get_by_role("button", name="Move box 1").wait_for()
 
     def take_up() -> None:  # The browser may draw the box later than its buttons.
-        click_in_scene(app, page, box.x, box.y, BOX_HANDLE_Z)
+        click_map(page, box.x, box.y)
         page.wait_for_timeout(1000)
 
     until(lambda: view(app).aimed == 1, meanwhile=take_up)
     page.get_by_text("Click the floor").wait_for()
-    click_in_scene(app, page, *THERE)
+    click_map(page, *THERE)
     until(lambda: box_near(app, THERE), explain=lambda: view(app))
     assert len(view(app).boxes) == 1
     press(page, "Take away box 1")

@@ -190,14 +190,15 @@ function drawWay(context, points, colour, width) {
 }
 
 // The two ends of an edge in pixels, in its lane; null where an end is not in the map.
-function edgeEnds(source, target, pointOf = planPoint) {
+function edgeEnds(source, target, pointOf = planPoint, isSpread = true) {
   const [from, to] = [plan.nodes.get(source), plan.nodes.get(target)];
   if (from === undefined || to === undefined) return null;
-  const isTurn = fan.has(source) && fan.has(target); // Both stand at one place: the edge joins their headings.
+  const isTurn = isSpread && fan.has(source) && fan.has(target); // Both stand at one place: the edge joins their headings.
   const [x0, y0] = isTurn ? tipOf(from, pointOf) : pointOf(from.x, from.y);
   const [x1, y1] = isTurn ? tipOf(to, pointOf) : pointOf(to.x, to.y);
   const length = Math.hypot(x1 - x0, y1 - y0) || 1;
-  const [ox, oy] = [(-(y1 - y0) / length) * LANE_PX, ((x1 - x0) / length) * LANE_PX];
+  const lane = LANE_PX + (isSpread ? (bundle.get(source * EDGE_KEY + target) ?? 0) * BUNDLE_PX : 0);
+  const [ox, oy] = [(-(y1 - y0) / length) * lane, ((x1 - x0) / length) * lane];
   return [x0 + ox, y0 + oy, x1 + ox, y1 + oy];
 }
 
@@ -210,7 +211,7 @@ function* drawMap(context) {
   const acting = [];
   if (!hidden.has("edges")) {
     for (const { source, target, p, acts } of plan.edges.values()) {
-      const ends = edgeEnds(source, target);
+      const ends = edgeEnds(source, target, planPoint, false);
       if (ends === null || !isInView(ends)) continue;
       (acts ? acting : shaded[Math.round(p * (SHADES - 1))]).push(ends);
     }
@@ -245,7 +246,7 @@ function* drawNodes(context) {
     for (const [colour, grown] of [[RIM, 1.3], [null, 0]]) {
       for (const isExit of [0, 1]) {
         const some = shown.slice(from, from + EDGES_A_SLICE).filter((node) => Boolean(node.isExit) === Boolean(isExit));
-        drawDots(context, some, colour ?? (isExit ? COLOURS.action : COLOURS.node), grown);
+        drawDots(context, some, colour ?? (isExit ? COLOURS.action : COLOURS.node), grown, dotPx(), false);
       }
     }
     yield;
@@ -256,14 +257,14 @@ function dotPx() {
   return Math.min(Math.max(NODE_M * eye.scale, NODE_PX / 2), NODE_PX);
 }
 
-function drawDots(context, nodes, colour, grown = 0, radius = dotPx()) {
+function drawDots(context, nodes, colour, grown = 0, radius = dotPx(), isSpread = true) {
   context.fillStyle = context.strokeStyle = colour;
   context.lineWidth = Math.min(radius / 2, 1.4) + 2 * grown;
   context.lineCap = "round";
   context.beginPath();
   for (const node of nodes) {
     context.moveTo(...planPoint(node.x, node.y));
-    context.lineTo(...tipOf(node));
+    context.lineTo(...tipOf(node, planPoint, isSpread));
   }
   context.stroke();
   context.beginPath();
@@ -276,9 +277,9 @@ function drawDots(context, nodes, colour, grown = 0, radius = dotPx()) {
 }
 
 // Where the short line ends that shows the heading of a node. Several nodes at one place differ in it alone.
-function tipOf({ id, x, y, yaw }, pointOf = planPoint) {
+function tipOf({ id, x, y, yaw }, pointOf = planPoint, isSpread = true) {
   const [px, py] = pointOf(x, y);
-  const length = fan.has(id) ? FAN_PX : TICK_PER_DOT * dotPx();
+  const length = isSpread && fan.has(id) ? FAN_PX : TICK_PER_DOT * dotPx();
   return [px + length * Math.cos(yaw), py - length * Math.sin(yaw)];
 }
 
@@ -308,6 +309,7 @@ function* drawTop(context) {
   context.font = "12px system-ui, sans-serif";
   context.textAlign = "center";
   for (const [x, y, text] of labels) write(context, text, planPoint(x, y)[0], planPoint(x, y)[1] - 8, "#fff");
+  drawBundle(context);
   drawFan(context);
   if (hovered?.kind === "edge") drawHalo(context, hovered.id, COLOURS.accent);
   else if (hovered?.kind === "node") drawDots(context, [plan.nodes.get(hovered.id)].filter(Boolean), COLOURS.accent, 1, 5);

@@ -5,6 +5,8 @@ const NEAR_PX = 12;
 const EDGE_LATER_PX = 2; // A node is taken before an edge that is no nearer than this.
 const MIDDLE = 0.15; // So much of an edge at each end belongs to its nodes.
 const FAN_PX = 24;
+const BUNDLE_PX = 6;
+const HELD_PX = 4; // An edge of the bundle under the pointer is taken before one that is no nearer than this.
 const SAME_PX = 6; // Nodes that are no farther apart stand at one place.
 const MOVED_PX = { mouse: 4, pen: 6, touch: 10 };
 const MARGIN_PX = 14;
@@ -17,6 +19,7 @@ const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
 const DOOR_HEIGHT_M = 1.5;
 
 const fan = new Set(); // Nodes at one place whose headings are spread while the pointer is there.
+const bundle = new Map(); // Edges that share one line, spread while the pointer is there -> lane, counted from 0.
 let hovered = null; // What a click would take: { kind, id, distance }.
 let isFitted = true; // Until a person moves the view.
 let isFollowing = true;
@@ -173,7 +176,8 @@ function* candidates(px, py) {
   }
   for (const { source, target } of hidden.has("edges") ? [] : plan.edges.values()) {
     const ends = edgeEnds(source, target, pointOnScreen);
-    if (ends !== null) yield { kind: "edge", id: [source, target], distance: distanceTo(ends, px, py) + EDGE_LATER_PX };
+    const later = bundle.has(source * EDGE_KEY + target) ? EDGE_LATER_PX - HELD_PX : EDGE_LATER_PX;
+    if (ends !== null) yield { kind: "edge", id: [source, target], distance: distanceTo(ends, px, py) + later };
   }
 }
 
@@ -186,14 +190,51 @@ function nearest(px, py) {
   return found;
 }
 
+// Returns whether other nodes are spread than before.
 function spreadFan(px, py) {
-  const isStill = [...fan].some((id) => plan.nodes.has(id) && Math.hypot(...between(id, px, py)) < FAN_PX + NEAR_PX);
-  if (isStill) return;
+  const away = (id) => Math.hypot(...between(id, px, py));
+  const isStill = [...fan].some((id) => plan.nodes.has(id) && away(id) < FAN_PX + NEAR_PX);
+  if (isStill) return false;
+  const before = fan.size;
   fan.clear();
-  const at = [...plan.nodes.values()].filter(({ id }) => Math.hypot(...between(id, px, py)) < NEAR_PX);
-  const first = at.length === 0 ? null : planPoint(at[0].x, at[0].y);
-  const here = at.filter(({ x, y }) => Math.hypot(planPoint(x, y)[0] - first[0], planPoint(x, y)[1] - first[1]) < SAME_PX);
-  if (here.length > 1 && !shows3d()) here.forEach(({ id }) => fan.add(id));
+  if (shows3d() || hidden.has("nodes")) return before > 0;
+  const near = [...plan.nodes.values()].filter(({ id }) => away(id) < NEAR_PX).sort((a, b) => away(a.id) - away(b.id));
+  const here = near.filter((node) => isSamePlace(node, near[0]));
+  if (here.length > 1) here.forEach(({ id }) => fan.add(id));
+  return before > 0 || fan.size > 0;
+}
+
+function isSamePlace(one, other) {
+  return Math.hypot(one.x - other.x, one.y - other.y) * eye.scale < SAME_PX;
+}
+
+// Edges between the same two places lie on one line: side by side they can be told from each other. Returns whether
+// other edges are spread than before.
+function spreadBundle(found) {
+  const isEdge = found?.kind === "edge" && !shows3d();
+  if (isEdge && bundle.has(found.id[0] * EDGE_KEY + found.id[1])) return false;
+  const before = bundle.size;
+  bundle.clear();
+  const alike = isEdge ? alikeEdges(...found.id.map((id) => plan.nodes.get(id))) : [];
+  if (alike.length > 1) alike.forEach(({ source, target }, lane) => bundle.set(source * EDGE_KEY + target, lane));
+  return before > 0 || bundle.size > 0;
+}
+
+function alikeEdges(from, to) {
+  if (isSamePlace(from, to)) return [];
+  const joins = (node, other) => node !== undefined && isSamePlace(node, other);
+  return [...plan.edges.values()].filter(
+    ({ source, target }) => joins(plan.nodes.get(source), from) && joins(plan.nodes.get(target), to),
+  );
+}
+
+function drawBundle(context) {
+  for (const key of bundle.keys()) {
+    const edge = plan.edges.get(key);
+    const ends = edge === undefined ? null : edgeEnds(edge.source, edge.target);
+    drawSome(context, [ends], RIM, 4);
+    drawSome(context, [ends], shades[Math.round((edge?.p ?? 0) * (SHADES - 1))], 2.5);
+  }
 }
 
 function between(id, px, py) {
@@ -322,7 +363,8 @@ function onPlanUp(event) {
   const isClick = event.type === "pointerup" && pointers.size === 1 && drag !== null && !drag.isMoved;
   pointers.delete(event.pointerId);
   if (pointers.size === 0) drag = null;
-  if (isClick) takeAt(...placeIn(event));
+  // A finger does not hover: its first tap spreads what lies at one place, and the next one takes of it.
+  if (isClick && (event.pointerType !== "touch" || !overPlan(...placeIn(event)))) takeAt(...placeIn(event));
 }
 
 function pinchOf() {
@@ -331,12 +373,23 @@ function pinchOf() {
   return { length: Math.max(Math.hypot(x1 - x0, y1 - y0), 1), x: (x0 + x1) / 2, y: (y0 + y1) / 2 };
 }
 
+// Returns whether several things were spread that lay at one place.
 function overPlan(px, py) {
-  if (plan.view === null) return;
-  const before = fan.size;
-  spreadFan(px, py);
-  if (fan.size !== before) sheets.top.redraw();
+  if (plan.view === null) return false;
+  const isOtherFan = spreadFan(px, py);
+  const isOtherBundle = spreadBundle(nearest(px, py));
+  if (isOtherFan || isOtherBundle) sheets.top.redraw();
   hover(nearest(px, py), px, py);
+  return (isOtherFan && fan.size > 0) || (isOtherBundle && bundle.size > 0);
+}
+
+// A finger that was lifted leaves as well, and what it spread is for its next tap.
+function onPlanLeave({ pointerType }) {
+  if (pointerType === "touch") return;
+  fan.clear();
+  bundle.clear();
+  hover(null);
+  sheets.top.redraw();
 }
 
 function onWheel(event) {
@@ -425,7 +478,7 @@ function listenToPlan() {
   root.addEventListener("pointerdown", onPlanDown);
   root.addEventListener("pointermove", onPlanMove);
   for (const kind of ["pointerup", "pointercancel"]) root.addEventListener(kind, onPlanUp);
-  root.addEventListener("pointerleave", () => hover(null));
+  root.addEventListener("pointerleave", onPlanLeave);
   root.addEventListener("wheel", onWheel, { passive: false });
   root.addEventListener("dblclick", (event) => zoomPlan(2, ...placeIn(event)));
   root.addEventListener("contextmenu", (event) => event.preventDefault());

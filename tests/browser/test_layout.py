@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 from ltvn_viz.wishes import commands as c
 from tests.browser.actions import wait_for_rest
 from tests.browser.flat_app import FLOOR, FlatApp, navigate_far, serving
-from tests.browser.pages import draw_nothing, open_page
+from tests.browser.pages import PLAN, draw_nothing, on_screen, open_page
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
@@ -22,7 +22,7 @@ WINDOWS = ((360, 640), (390, 844), (844, 390), (820, 1180), (1100, 700), (1400, 
 Scheme: TypeAlias = Literal["dark", "light"]
 TABS = ("Drive", "Go", "World", "Replay", "Why")
 PARTS = {
-    "scene": "canvas[data-engine]",
+    "scene": PLAN,
     "pictures": "#ltvn-pictures",
     "pad": ".ltvn-pad",
     "panel": "#root .mantine-Paper-root:has([data-ltvn-panel])",
@@ -32,6 +32,8 @@ PARTS = {
     "bar": "#ltvn-bar",
     "tabs of a narrow window": "#ltvn-nav",
 }
+CANVAS = "#root canvas[data-engine]"
+"""Of the 3D scene."""
 LEAST_SCENE_PX = 120
 _SMALL_PRINT = """() => [...document.querySelectorAll("body *")].filter((shown) =>
     shown.checkVisibility({ visibilityProperty: true }) &&
@@ -119,17 +121,40 @@ def test_nothing_covers_anything_and_nothing_is_cut_off(page: Page, width: int, 
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900), (3840, 2160)])
-def test_the_first_view_is_fitted_to_the_scene(app: FlatApp, page: Page, width: int, height: int) -> None:
+def test_the_first_view_in_3d_is_fitted_to_the_scene(app: FlatApp, page: Page, width: int, height: int) -> None:
     page.set_viewport_size({"width": width, "height": height})
+
+    page.locator("#ltvn-3d").click()
 
     def is_fitted() -> bool:
         (client,) = app.server.viser.get_clients().values()
-        box, camera = rectangles(page)["scene"], client.camera
+        box, camera = page.locator(CANVAS).bounding_box(), client.camera
+        assert box is not None
         aspect = box["width"] / box["height"]
         position = FLOOR.view(aspect, camera.fov).position
         return abs(camera.aspect / aspect - 1) < 0.01 and np.allclose(camera.position, position, rtol=0.02)
 
-    until(is_fitted)
+    try:
+        until(is_fitted)
+    finally:
+        page.locator("#ltvn-3d").click()
+    expect(page.locator(CANVAS)).to_be_hidden()
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900), (3840, 2160)])
+def test_the_whole_map_is_in_view(app: FlatApp, page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    places = app.harness.now.moment.graph.poses[:, :2]
+    corners = np.array([places.min(axis=0), places.max(axis=0)])
+
+    def fills() -> bool:
+        box = rectangles(page)["scene"]
+        shown = np.array([on_screen(page, *corner) for corner in corners]) - (box["x"], box["y"])
+        size = np.array([box["width"], box["height"]])
+        spans = np.abs(shown[1] - shown[0]) / size
+        return bool((shown > 0).all() and (shown < size).all() and spans.max() > 0.5)
+
+    until(fills)
 
 
 def resize(page: Page, width: int, height: int) -> None:
@@ -274,7 +299,7 @@ def test_the_keyboard_reaches_every_control(page: Page) -> None:
 
 def test_what_the_layout_knows_of_viser_is_there_once(page: Page) -> None:
     """A viser that builds its page otherwise must not go unnoticed."""
-    known = (PARTS["scene"], PARTS["panel"], "[data-ltvn-viser=handle]", "[data-ltvn-viser=inner]")
+    known = (CANVAS, PARTS["panel"], "[data-ltvn-viser=handle]", "[data-ltvn-viser=inner]")
     assert [page.locator(selector).count() for selector in known] == [1] * len(known)
     assert page.locator("[data-ltvn-viser=handle] button").count() == 2  # The palette and, last, the settings.
     expect(page.locator("#webgl-software-rendering")).to_be_hidden()

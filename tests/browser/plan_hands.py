@@ -1,0 +1,173 @@
+"""A person's hands on the map from above: find a node or an edge, look closer, point at it, and see what is taken.
+
+Owns where in the window a thing of the map can be pointed at. What comes of a click is the business of whoever clicks.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from playwright.sync_api import Page
+
+from ltvn_core.types import EdgeKey, NodeId
+from ltvn_viz.app import RunningApp
+from ltvn_viz.timeline.run_moment import moment_of
+from tests.browser.pages import PLAN, is_bare_map, on_screen, wait_until_drawn
+from tests.waiting import until
+
+Point = tuple[float, float]
+"""Of the window, in pixels."""
+WHEEL = 1.0015
+"""The map grows by this factor with each pixel of the wheel."""
+SPANS_PX = 60
+"""An edge is long enough to be pointed at."""
+APART_PX = 40
+"""Places so far apart can be told from each other."""
+SAME_M = 0.02
+TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
+"""So far from a node's middle, along its heading, one points at it."""
+ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
+LANE_PX, BUNDLE_PX, SAME_PX = 1.5, 6.0, 6.0
+MOST_SCALE = 590.0
+
+
+@dataclass(frozen=True)
+class PlanHands:
+    """The map that an app shows, and the page where it is shown."""
+
+    app: RunningApp
+    page: Page
+
+    @property
+    def poses(self) -> dict[NodeId, NDArray[np.float64]]:
+        graph = moment_of(self.app.session.state.shown_run).graph
+        return dict(zip(map(int, graph.ids), graph.poses, strict=True))
+
+    @property
+    def edges(self) -> list[EdgeKey]:
+        graph = moment_of(self.app.session.state.shown_run).graph
+        return [(int(a), int(b)) for a, b in graph.ids[graph.edges]]
+
+    @property
+    def scale(self) -> float:
+        """Pixels a metre."""
+        return float((self.page.locator(PLAN).get_attribute("data-eye") or "0 0 0").split()[2])
+
+    @property
+    def about(self) -> str:
+        """What is under the pointer."""
+        return self.page.locator("#ltvn-card").get_attribute("data-about") or ""
+
+    def show_whole(self) -> None:
+        """Press the key that shows the whole floor."""
+        self.page.locator("#ltvn-whole").click()
+        wait_until_drawn(self.page)
+
+    def look_at(self, place: NDArray[np.float64], scale: float) -> None:
+        """Show the whole floor, and grow a place (2,) in metres by the wheel to so many pixels a metre."""
+        self.show_whole()
+        point = on_screen(self.page, *place)
+        while not all(is_bare_map(self.page, (point[0] + x, point[1] + y)) for x in (-50, 50) for y in (-50, 50)):
+            self.drag_towards_middle(point)
+            point = on_screen(self.page, *place)
+        self.page.mouse.move(*point)
+        wanted = min(scale, MOST_SCALE)
+        if wanted > self.scale:
+            self.page.mouse.wheel(0, -math.log(wanted / self.scale) / math.log(WHEEL))
+            until(lambda: self.scale > 0.98 * wanted)
+            wait_until_drawn(self.page)
+
+    def drag_towards_middle(self, point: Point) -> None:
+        """Drag the map so that what is at a point comes nearer to the middle."""
+        box = self.page.locator(PLAN).bounding_box()
+        assert box is not None
+        middle = np.array([box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
+        step = middle - point
+        step *= min(1.0, 150 / float(np.hypot(*step)))
+        self.page.mouse.move(*middle)
+        self.page.mouse.down()
+        self.page.mouse.move(*(middle + step), steps=3)
+        self.page.mouse.up()
+
+    def look_at_node(self, node: NodeId) -> None:
+        """Look so closely that the place of a node is by itself."""
+        poses = self.poses
+        away = np.hypot(*(np.array([pose[:2] for pose in poses.values()]) - poses[node][:2]).T)
+        self.look_at(poses[node][:2], APART_PX / float(away[away > SAME_M].min()))
+
+    def points_of_node(self, node: NodeId) -> Iterator[Point]:
+        """Return points where a person would point at a node, whose heading one sees; the pointer moves there first."""
+        x, y, yaw = map(float, self.poses[node])
+        px, py = on_screen(self.page, x, y)
+        self.page.mouse.move(px, py)
+        for reach in TICKS_PX:
+            yield px + reach * math.cos(yaw), py - reach * math.sin(yaw)
+
+    def is_crowded(self, node: NodeId) -> bool:
+        """Tell whether several nodes stand at the place of one."""
+        here = self.poses[node]
+        return sum(float(np.hypot(*(pose - here)[:2])) < SAME_M for pose in self.poses.values()) > 1
+
+    def look_at_edge(self, edge: EdgeKey) -> None:
+        """Look so closely that an edge is long enough to be pointed at."""
+        if self.is_turn(edge):
+            return self.look_at_node(edge[0])
+        start, end = (self.poses[node][:2] for node in edge)
+        return self.look_at((start + end) / 2, SPANS_PX / float(np.hypot(*(end - start))))
+
+    def points_of_edge(self, edge: EdgeKey) -> Iterator[Point]:
+        """Return points along an edge, to the right of the line between its nodes.
+
+        The pointer moves there first: what lies at one place is spread where the pointer is.
+        """
+        start, end = (np.array(on_screen(self.page, *map(float, self.poses[node][:2]))) for node in edge)
+        if self.is_turn(edge):
+            self.page.mouse.move(*start)
+            yaws = [float(self.poses[node][2]) for node in edge]
+            tips = [start + TICKS_PX[0] * np.array([math.cos(yaw), -math.sin(yaw)]) for yaw in yaws]
+            return along(tips[0], tips[1], 0)
+        beside = self._number_of_alike(edge)
+        self.page.mouse.move(*next(along(start, end, 0)))
+        return (
+            point for share in zip(*(along(start, end, lane) for lane in range(beside)), strict=True) for point in share
+        )
+
+    def is_turn(self, edge: EdgeKey) -> bool:
+        """Tell whether an edge joins two headings at one place."""
+        return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) < SAME_M
+
+    def _number_of_alike(self, edge: EdgeKey) -> int:
+        """Count the edges between the same two places, this one among them."""
+        poses = self.poses
+
+        def is_alike(other: EdgeKey) -> bool:
+            pairs = zip(edge, other, strict=True)
+            return all(np.hypot(*(poses[a] - poses[b])[:2]) * self.scale < SAME_PX for a, b in pairs)
+
+        return sum(map(is_alike, self.edges))
+
+    def point_at(self, about: str, points: Iterator[Point]) -> Point:
+        """Move the pointer until the page says that a thing is below it, and return where that is."""
+        seen: list[str] = []
+        for point in points:
+            self.page.mouse.move(*point)
+            seen.append(self.about)
+            if seen[-1] == about:
+                return point
+        raise AssertionError(f"nowhere is {about} under the pointer, but {seen}")
+
+    def take(self, point: Point, took_effect: Callable[[], bool]) -> None:
+        """Click once, and wait for what comes of it."""
+        self.page.mouse.click(*point)
+        until(took_effect, patience_s=20.0)
+
+
+def along(start: NDArray[np.float64], end: NDArray[np.float64], beside: int) -> Iterator[Point]:
+    """Return points along a line between two points of the window, in a lane to its right, counted from 0."""
+    forward = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
+    lane = (LANE_PX + beside * BUNDLE_PX) * np.array([-forward[1], forward[0]])
+    for share in ALONG:
+        x, y = start + share * (end - start) + lane
+        yield float(x), float(y)

@@ -103,30 +103,39 @@ function tellEye() {
   byId("ltvn-plan").dataset.eye = `${eye.x} ${eye.y} ${eye.scale}`;
 }
 
-function moveView(x, y, scale) {
+function moveView(x, y, scale, follows = () => false) {
   isFitted = false;
-  isFollowing &&= scale !== eye.scale;
+  Object.assign(eye, { x, y, scale });
+  isFollowing &&= follows();
   look(x, y, scale);
   showTools();
 }
 
 // What was below one point of the picture is below another one afterwards; the same unless fingers moved it.
-function zoomPlan(factor, px = size.width / 2, py = size.height / 2, fromX = px, fromY = py) {
-  const [x, y] = planPlace(fromX, fromY);
+// Who looks closer at a place away from the robot does not follow it any more, as the place would not stay there.
+function zoomPlan(factor, at = null, from = at) {
+  const [px, py] = at ?? [size.width / 2, size.height / 2];
+  const [x, y] = planPlace(...(from ?? [px, py]));
   const scale = Math.min(Math.max(eye.scale * factor, 1), MOST_SCALE);
-  moveView(x - (px - size.width / 2) / scale, y + (py - size.height / 2) / scale, scale);
+  const follows = () => at === null || (plan.robot !== null && robotBeyond().every((gone) => gone === 0));
+  moveView(x - (px - size.width / 2) / scale, y + (py - size.height / 2) / scale, scale, follows);
 }
 
 // The view moves along before the robot leaves its middle; a view of the whole floor need not.
 function followRobot() {
   if (!isFollowing || isFitted || drag !== null) return;
-  const [px, py] = planPoint(...plan.robot);
-  const beyond = (at, of) => Math.max(0, at - of * (1 - FOLLOW_SHARE)) + Math.min(0, at - of * FOLLOW_SHARE);
-  const [dx, dy] = [beyond(px, size.width), beyond(py, size.height)];
+  const [dx, dy] = robotBeyond();
   if (dx === 0 && dy === 0) return;
   Object.assign(eye, { x: eye.x + dx / eye.scale, y: eye.y - dy / eye.scale });
   tellEye();
   frameSoon();
+}
+
+// How far the robot is beyond the middle of the view, in pixels.
+function robotBeyond() {
+  const [px, py] = planPoint(...plan.robot);
+  const beyond = (at, of) => Math.max(0, at - of * (1 - FOLLOW_SHARE)) + Math.min(0, at - of * FOLLOW_SHARE);
+  return [beyond(px, size.width), beyond(py, size.height)];
 }
 
 function measurePlan() {
@@ -355,7 +364,7 @@ function onPlanMove(event) {
   hover(null);
   if (pointers.size === 1) return moveView(eye.x - (at[0] - before[0]) / eye.scale, eye.y + (at[1] - before[1]) / eye.scale, eye.scale);
   const pinch = pinchOf();
-  if (drag.pinch !== null && pinch !== null) zoomPlan(pinch.length / drag.pinch.length, pinch.x, pinch.y, drag.pinch.x, drag.pinch.y);
+  if (drag.pinch !== null && pinch !== null) zoomPlan(pinch.length / drag.pinch.length, [pinch.x, pinch.y], [drag.pinch.x, drag.pinch.y]);
   drag.pinch = pinch;
 }
 
@@ -394,7 +403,7 @@ function onPlanLeave({ pointerType }) {
 
 function onWheel(event) {
   event.preventDefault();
-  zoomPlan(1.0015 ** -event.deltaY, ...placeIn(event));
+  zoomPlan(1.0015 ** -event.deltaY, placeIn(event));
 }
 
 const PLAN_KEYS = {
@@ -480,7 +489,7 @@ function listenToPlan() {
   for (const kind of ["pointerup", "pointercancel"]) root.addEventListener(kind, onPlanUp);
   root.addEventListener("pointerleave", onPlanLeave);
   root.addEventListener("wheel", onWheel, { passive: false });
-  root.addEventListener("dblclick", (event) => zoomPlan(2, ...placeIn(event)));
+  root.addEventListener("dblclick", (event) => zoomPlan(2, placeIn(event)));
   root.addEventListener("contextmenu", (event) => event.preventDefault());
   addEventListener("pointermove", onSceneMove, true);
   addEventListener("click", onSceneClick, true);

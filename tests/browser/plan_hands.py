@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Page
 
-from ltvn_core.types import EdgeKey, NodeId
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import NodeId
 from ltvn_viz.app import RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import PLAN, is_bare_map, on_screen, wait_until_drawn

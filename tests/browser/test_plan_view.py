@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
-from ltvn_core.types import EdgeKey, NodeId
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import NodeId
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.wishes import commands as c
@@ -28,10 +29,11 @@ TOUCHED = 8
 SEED = 7
 COUNT_STROKES = """
 window.strokes = 0;
+window.byCanvas = {};
 for (const name of ["stroke", "fill", "drawImage", "clearRect"]) {
   const call = CanvasRenderingContext2D.prototype[name];
   CanvasRenderingContext2D.prototype[name] = function (...values) {
-    if (!this.canvas.closest("#ltvn-pictures")) window.strokes++;
+    if (!this.canvas.closest("#ltvn-pictures")) { window.strokes++; const k = this.canvas.className + this.canvas.parentElement?.id + this.canvas.parentElement?.className + this.canvas.width; window.byCanvas[k] = (window.byCanvas[k] ?? 0) + 1; }
     return call.apply(this, values);
   };
 }
@@ -231,5 +233,5 @@ def test_nothing_is_drawn_while_nothing_changes(app: RunningApp, chromium: Brows
         return page.evaluate("window.strokes") == before
 
     assert page.evaluate("window.strokes") > 0
-    until(rests, patience_s=30.0)
+    until(rests, patience_s=10.0, explain=lambda: page.evaluate("window.byCanvas"))
     page.close()

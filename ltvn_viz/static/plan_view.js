@@ -6,6 +6,8 @@ const EDGE_LATER_PX = 2; // A node is taken before an edge that is no nearer tha
 const MIDDLE = 0.15; // So much of an edge at each end belongs to its nodes.
 const FAN_PX = 24;
 const BUNDLE_PX = 6;
+const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
+const ALONG_PX = 5;
 const HELD_PX = 4; // An edge of the bundle under the pointer is taken before one that is no nearer than this.
 const SAME_PX = 6; // Nodes that are no farther apart stand at one place.
 const MOVED_PX = { mouse: 4, pen: 6, touch: 10 };
@@ -19,7 +21,7 @@ const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
 const DOOR_HEIGHT_M = 1.5;
 
 const fan = new Set(); // Nodes at one place whose headings are spread while the pointer is there.
-const bundle = new Map(); // Edges that share one line, spread while the pointer is there -> lane, counted from 0.
+const bundle = new Map(); // Edges on one line, spread while the pointer is there -> lane, counted from 0.
 let hovered = null; // What a click would take: { kind, id, distance }.
 let isFitted = true; // Until a person moves the view.
 let isFollowing = true;
@@ -217,24 +219,33 @@ function isSamePlace(one, other) {
   return Math.hypot(one.x - other.x, one.y - other.y) * eye.scale < SAME_PX;
 }
 
-// Edges between the same two places lie on one line: side by side they can be told from each other. Returns whether
-// other edges are spread than before.
-function spreadBundle(found) {
+// Edges on one line, as those between the same two places: side by side they can be told from each other. Returns
+// whether other edges are spread than before.
+function spreadBundle(found, px, py) {
   const isEdge = found?.kind === "edge" && !shows3d();
   if (isEdge && bundle.has(found.id[0] * EDGE_KEY + found.id[1])) return false;
   const before = bundle.size;
   bundle.clear();
-  const alike = isEdge ? alikeEdges(...found.id.map((id) => plan.nodes.get(id))) : [];
-  if (alike.length > 1) alike.forEach(({ source, target }, lane) => bundle.set(source * EDGE_KEY + target, lane));
+  const alike = isEdge ? edgesAlong(edgeEnds(...found.id), px, py) : [];
+  if (alike.length > 1) alike.forEach((key, lane) => bundle.set(key, lane));
   return before > 0 || bundle.size > 0;
 }
 
-function alikeEdges(from, to) {
-  if (isSamePlace(from, to)) return [];
-  const joins = (node, other) => node !== undefined && isSamePlace(node, other);
-  return [...plan.edges.values()].filter(
-    ({ source, target }) => joins(plan.nodes.get(source), from) && joins(plan.nodes.get(target), to),
-  );
+// The edges that pass by a point on the picture in the direction of a line.
+function edgesAlong(line, px, py) {
+  const found = [];
+  for (const [key, { source, target }] of plan.edges) {
+    const ends = edgeEnds(source, target);
+    if (ends !== null && distanceTo(ends, px, py) < NEAR_PX && isAlong(ends, line)) found.push(key);
+  }
+  return found;
+}
+
+function isAlong([x0, y0, x1, y1], [a0, b0, a1, b1]) {
+  const [length, other] = [Math.hypot(x1 - x0, y1 - y0), Math.hypot(a1 - a0, b1 - b0)];
+  const [dx, dy, ex, ey] = [(x1 - x0) / length, (y1 - y0) / length, (a1 - a0) / other, (b1 - b0) / other];
+  const aside = Math.abs((x0 - a0) * ey - (y0 - b0) * ex); // How far the one begins beside the line of the other.
+  return dx * ex + dy * ey > 0 && Math.abs(dx * ey - dy * ex) < ALONG_SINE && aside < ALONG_PX;
 }
 
 function drawBundle(context) {
@@ -386,7 +397,7 @@ function pinchOf() {
 function overPlan(px, py) {
   if (plan.view === null) return false;
   const isOtherFan = spreadFan(px, py);
-  const isOtherBundle = spreadBundle(nearest(px, py));
+  const isOtherBundle = spreadBundle(nearest(px, py), px, py);
   if (isOtherFan || isOtherBundle) sheets.top.redraw();
   hover(nearest(px, py), px, py);
   return (isOtherFan && fan.size > 0) || (isOtherBundle && bundle.size > 0);

@@ -30,7 +30,9 @@ SAME_M = 0.02
 TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
 """So far from a node's middle, along its heading, one points at it."""
 ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
-LANE_PX, BUNDLE_PX, SAME_PX = 1.5, 6.0, 6.0
+LANE_PX, BUNDLE_PX, MOST_BESIDE = 1.5, 6.0, 16
+OUTSIDE = (5.0, 5.0)
+"""No place of the map."""
 MOST_SCALE = 590.0
 
 
@@ -129,25 +131,16 @@ class PlanHands:
             yaws = [float(self.poses[node][2]) for node in edge]
             tips = [start + TICKS_PX[0] * np.array([math.cos(yaw), -math.sin(yaw)]) for yaw in yaws]
             return along(tips[0], tips[1], 0)
-        beside = self._number_of_alike(edge)
-        self.page.mouse.move(*next(along(start, end, 0)))
-        return (
-            point for share in zip(*(along(start, end, lane) for lane in range(beside)), strict=True) for point in share
-        )
+        return self._points_in_lanes(start, end)
+
+    def _points_in_lanes(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> Iterator[Point]:
+        for lanes in zip(*(along(start, end, lane) for lane in range(MOST_BESIDE)), strict=True):
+            self.page.mouse.move(*OUTSIDE)  # Nothing is spread any more.
+            yield from lanes
 
     def is_turn(self, edge: EdgeKey) -> bool:
         """Tell whether an edge joins two headings at one place."""
         return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) < SAME_M
-
-    def _number_of_alike(self, edge: EdgeKey) -> int:
-        """Count the edges between the same two places, this one among them."""
-        poses = self.poses
-
-        def is_alike(other: EdgeKey) -> bool:
-            pairs = zip(edge, other, strict=True)
-            return all(np.hypot(*(poses[a] - poses[b])[:2]) * self.scale < SAME_PX for a, b in pairs)
-
-        return sum(map(is_alike, self.edges))
 
     def point_at(self, about: str, points: Iterator[Point]) -> Point:
         """Move the pointer until the page says that a thing is below it, and return where that is."""

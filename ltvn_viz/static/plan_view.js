@@ -119,6 +119,8 @@ function zoomPlan(factor, at = null, from = at) {
   const [px, py] = at ?? [size.width / 2, size.height / 2];
   const [x, y] = planPlace(...(from ?? [px, py]));
   const scale = Math.min(Math.max(eye.scale * factor, 1), MOST_SCALE);
+  fan.clear(); // What lies at one place is another thing now.
+  bundle.clear();
   const follows = () => at === null || (plan.robot !== null && robotBeyond().every((gone) => gone === 0));
   moveView(x - (px - size.width / 2) / scale, y + (py - size.height / 2) / scale, scale, follows);
 }
@@ -415,6 +417,7 @@ function onPlanLeave({ pointerType }) {
 function onWheel(event) {
   event.preventDefault();
   zoomPlan(1.0015 ** -event.deltaY, placeIn(event));
+  overPlan(...placeIn(event));
 }
 
 const PLAN_KEYS = {

@@ -8,7 +8,7 @@ const FAN_PX = 24;
 const BUNDLE_PX = 6;
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
-const HELD_PX = 4; // An edge of the bundle under the pointer is taken before one that is no nearer than this.
+const HELD_PART = 0.3; // An edge that was spread under the pointer counts as nearer than another edge.
 const SAME_PX = 6; // Nodes that are no farther apart stand at one place.
 const MOVED_PX = { mouse: 4, pen: 6, touch: 10 };
 const MARGIN_PX = 14;
@@ -189,8 +189,8 @@ function* candidates(px, py) {
   }
   for (const { source, target } of hidden.has("edges") ? [] : plan.edges.values()) {
     const ends = edgeEnds(source, target, pointOnScreen);
-    const later = bundle.has(source * EDGE_KEY + target) ? EDGE_LATER_PX - HELD_PX : EDGE_LATER_PX;
-    if (ends !== null) yield { kind: "edge", id: [source, target], distance: distanceTo(ends, px, py) + later };
+    const part = bundle.has(source * EDGE_KEY + target) ? HELD_PART : 1;
+    if (ends !== null) yield { kind: "edge", id: [source, target], distance: part * distanceTo(ends, px, py) + EDGE_LATER_PX };
   }
 }
 

@@ -1,4 +1,4 @@
-"""The plan view: the map from above, which each page draws by itself (`static/plan_view.js`).
+"""The plan view: the map from above, which each page draws by itself (`static/plan_draw.js`).
 
 Owns what is sent to the pages: the robot's pose many times a second, the path that was driven once a second, and all
 else when it changes. Pages fetch the map (`map_changes`) and pictures of floors by number.

@@ -71,6 +71,8 @@ SCRIPTS = (
     "details.js",
     "plan_data.js",
     "plan_draw.js",
+    "plan_pick.js",
+    "plan_hands.js",
     "plan_view.js",
     "legend.js",
     "main.js",

@@ -68,8 +68,10 @@ const HEARD = {
 
 function hear({ type, ...fields }) {
   if (type === "state") {
-    const isNewEpoch = !seat.isOpen || fields.epoch !== seat.epoch;
+    const isNew = !seat.isOpen;
+    const isNewEpoch = isNew || fields.epoch !== seat.epoch;
     Object.assign(seat, fields, { isOpen: true });
+    if (isNew) tellView();
     // Tell the truth about what is held; only "nothing" arms this page in the new epoch.
     if (isNewEpoch) report();
     openLink();

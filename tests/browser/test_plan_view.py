@@ -197,6 +197,15 @@ def test_arrows_move_the_map_where_tab_put_the_focus_and_drive_nothing(
     assert (app.session.state.live.robot.drawn_pose == before).all()
 
 
+def test_a_click_on_an_edge_asks_about_it(app: RunningApp, hands: PlanHands) -> None:
+    poses = hands.poses
+    long = max(hands.edges, key=lambda edge: math.dist(*(poses[node][:2] for node in edge)))
+    hands.look_at_edge(long)
+    point = hands.point_at("edge {},{}".format(*long), hands.points_of_edge(long))
+    hands.take(point, lambda: selected_edge(app) == long)
+    assert app.session.state.debugger.shown.question is QuestionName.EDGE
+
+
 def test_a_click_on_a_door_closes_it_and_another_one_opens_it(app: RunningApp, hands: PlanHands) -> None:
     world = app.session.state.world
     assert world is not None
@@ -206,15 +215,6 @@ def test_a_click_on_a_door_closes_it_and_another_one_opens_it(app: RunningApp, h
         point = on_screen(hands.page, door.x, door.y)
         hands.point_at(f"door {door.door}", iter([point]))
         hands.take(point, lambda is_open=is_open: world.view.doors[0].is_open == is_open)
-
-
-def test_a_click_on_an_edge_asks_about_it(app: RunningApp, hands: PlanHands) -> None:
-    poses = hands.poses
-    long = max(hands.edges, key=lambda edge: math.dist(*(poses[node][:2] for node in edge)))
-    hands.look_at_edge(long)
-    point = hands.point_at("edge {},{}".format(*long), hands.points_of_edge(long))
-    hands.take(point, lambda: selected_edge(app) == long)
-    assert app.session.state.debugger.shown.question is QuestionName.EDGE
 
 
 def test_nothing_is_drawn_while_nothing_changes(app: RunningApp, chromium: Browser) -> None:

@@ -62,7 +62,7 @@ _ATTEMPTS = 40
 
 
 _HOW_TO_POINT = Step(
-    "Click a node in the scene, then its neighbour; or type two numbers to ask about an edge.",
+    "Click an edge, or a node and then its neighbour; or type two numbers to ask about an edge.",
     "Ask about an edge by --edge FROM TO, or about a node by --node NODE.",
 )
 

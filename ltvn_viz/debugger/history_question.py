@@ -45,8 +45,7 @@ class HistoryQuestion(Question[Never]):
     name = QuestionName.TIME
     word = QuestionName.TIME.word
     about = (
-        "All notable events, by kind. In the scene, fading magenta edges were pruned and green nodes were added "
-        "recently."
+        "All notable events, by kind. On the map, fading magenta edges were pruned and green nodes were added recently."
     )
 
     def __init__(self) -> None:

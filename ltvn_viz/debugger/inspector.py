@@ -146,7 +146,7 @@ class Inspector:
 
     @property
     def is_on(self) -> bool:
-        """Whether a question is on show, so that clicks in the scene are for it."""
+        """Whether a question is on show, so that clicks on the map are for it."""
         return self.shown.question != QuestionName.NONE
 
     def choose(self, question: str) -> None:

@@ -82,7 +82,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
             input_hint = _ask_for_action(self._connecting, builder)
         else:
             links = [*_about_pair(context.graph, selection)]
-            builder.add_line(joined(links) if links else "Click a node in the scene, then its neighbour.")
+            builder.add_line(joined(links) if links else "Click an edge, or a node and then its neighbour.")
         self._list(context, builder, undoable=context.is_live)
         return builder.build(_overlay(context, selection), input_hint)
 

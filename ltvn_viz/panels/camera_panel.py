@@ -1,4 +1,4 @@
-"""The robot's camera picture beside the scene: colour and depth of the pixels that the method uses.
+"""The robot's camera picture beside the map: colour and depth of the pixels that the method uses.
 
 Owns the encoding of both in one image, so that they always match. The page enlarges them (`static/pictures.js`,
 `static/layout.css`).

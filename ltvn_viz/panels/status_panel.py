@@ -60,7 +60,7 @@ AFTERWARDS_S = 20.0
 
 
 class StoryBar:
-    """The caption of the running story, in a bar at the foot of the scene."""
+    """The caption of the running story, in a bar at the foot of the map."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the caption; the page's script copies it to the bar."""
@@ -160,7 +160,7 @@ def first_tab(snapshot: Snapshot) -> str:
 
 
 def _scene_click(snapshot: Snapshot) -> str:
-    """Return an attribute if the next step is a click in the scene, which an open tab hides on a phone."""
+    """Return an attribute if the next step is a click on the map, which an open tab hides on a phone."""
     return " data-ltvn-scene" if snapshot.hint.startswith("Click ") else ""
 
 

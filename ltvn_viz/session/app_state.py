@@ -50,7 +50,7 @@ class Debugger(Protocol):
 
     @property
     def is_on(self) -> bool:
-        """Tell whether a question is on show, so that clicks in the scene are meant for it."""
+        """Tell whether a question is on show, so that clicks on the map are meant for it."""
         ...
 
     @property

@@ -51,7 +51,7 @@ class FloorPlanClicks:
 
     @property
     def is_on(self) -> bool:
-        """Tell whether a person is aligning the plan, so that clicks in the scene are meant for it."""
+        """Tell whether a person is aligning the plan, so that clicks on the map are meant for it."""
         return self.view.is_aligning
 
     def toggle(self) -> None:

@@ -93,7 +93,7 @@ function isSheetOpen() {
   return "ltvnSheet" in document.documentElement.dataset;
 }
 
-// On a phone an open tab covers the scene, so it closes as soon as the next step is a click there.
+// On a phone an open tab covers the map, so it closes as soon as the next step is a click there.
 let awaitedClick = null;
 
 function makeRoomForClick() {

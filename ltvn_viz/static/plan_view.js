@@ -171,7 +171,6 @@ function listenToPlan() {
   for (const kind of ["pointerup", "pointercancel"]) root.addEventListener(kind, onPlanUp);
   root.addEventListener("pointerleave", onPlanLeave);
   root.addEventListener("wheel", onWheel, { passive: false });
-  root.addEventListener("dblclick", (event) => zoomPlan(2, placeIn(event)));
   root.addEventListener("contextmenu", (event) => event.preventDefault());
   addEventListener("pointermove", onSceneMove, true);
   addEventListener("click", onSceneClick, true);

@@ -114,8 +114,8 @@ function status() {
   if (does !== "" && activity.goal === null) return ["free", does];
   const typing = isTyping(document.activeElement);
   const how = BY_TOUCH.matches ? "an arrow" : ownLetters("W A S D or an arrow");
-  if (activity.goal !== null) return ["robot", `${does}. ${typing ? "Click the map, then hold" : "Hold"} ${how} to take over`];
-  if (typing) return ["free", "Typing: click the map to drive"];
+  if (activity.goal !== null) return ["robot", `${does}. ${typing ? "Click beside the field, then hold" : "Hold"} ${how} to take over`];
+  if (typing) return ["free", "Typing: click beside the field to drive"];
   if (isInPanels()) return ["free", "Keys are in the panel: Esc to drive"];
   if (isHolding()) return ["you", "You drive"];
   if (activity.story) return ["free", "The story continues: the robot waits for the next part"];

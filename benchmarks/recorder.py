@@ -19,18 +19,18 @@ PATIENCE_S = 60.0
 def begin_and_fail() -> list[Measurement]:
     """Begin many recordings while the app navigates, and take every second file away."""
     with tempfile.TemporaryDirectory() as folder, running_app(Path(folder)) as app:
-        app.session.send(c.NavigateTo(next(iter(app.session.state.live_map.graph.nodes))))
+        app.session.send(c.Ask(c.Action.GOAL, next(iter(app.session.state.live_map.graph.nodes))))
         began, noticed = list[float](), list[float]()
         for number in range(REPEATS):
             files = set(Path(folder).glob("*.rrd"))
-            app.session.send(c.StartRecording())
+            app.session.send(c.Ask(c.Action.RECORD))
             began.append(_seconds_until(lambda: set(Path(folder).glob("*.rrd")) - files))  # noqa: B023
             _seconds_until(lambda: _name(app) is not None)
             if number % 2:
                 (Path(folder) / str(_name(app))).unlink()
                 noticed.append(_seconds_until(lambda: not app.session.state.live.recorder.is_on))
             else:
-                app.session.send(c.KeepRecording())
+                app.session.send(c.Ask(c.Action.KEEP))
                 _seconds_until(lambda: not app.session.state.live.recorder.is_on)
     return [
         measured("from R to the file, 95th percentile", 1e3 * float(np.percentile(began, 95)), "ms", at_most=300),

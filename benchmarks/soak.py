@@ -112,11 +112,11 @@ def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
     rng, process, began = np.random.default_rng(seed), psutil.Process(), time.monotonic()
     due = 0.0
     with running_app(folder) as app:
-        app.session.send(c.StartRecording())
+        app.session.send(c.Ask(c.Action.RECORD))
         while (minute := (time.monotonic() - began) / 60) < minutes:
             graph = app.session.state.live_map.graph
             if app.session.mode is Mode.TELEOP:
-                app.session.send(c.NavigateTo(int(rng.choice(list(graph.nodes)))))
+                app.session.send(c.Ask(c.Action.GOAL, int(rng.choice(list(graph.nodes)))))
             if 60 * minute >= due:
                 due += SAMPLE_S
                 yield SoakSample(
@@ -135,7 +135,7 @@ def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
 def running_app(folder: Path) -> Iterator["RunningApp"]:
     """Open the app on the demo apartment, with its session in a thread, while the block runs."""
     from ltvn_viz.app import AppOptions, open_app
-    from ltvn_viz.wishes.commands import KeepGoing
+    from ltvn_viz.wishes.commands import Action, Ask
 
     with ExitStack() as stack:
         app = stack.enter_context(open_app(AppOptions(port=0, recordings=folder)))
@@ -143,7 +143,7 @@ def running_app(folder: Path) -> Iterator["RunningApp"]:
         thread.start()
         stack.callback(thread.join)
         stack.callback(app.session.stop)
-        app.session.send(KeepGoing(is_on=True))  # There is no page that could be open.
+        app.session.send(Ask(Action.KEEP_GOING, 1))  # There is no page that could be open.
         yield app
 
 

@@ -61,7 +61,7 @@ from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import question_commands
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
+from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import OpenRecording
@@ -325,8 +325,8 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         is_seen=lambda: server.presence.is_somebody_there,
     )
     parts = build_layout(
-        server.viser,
-        SessionPages(server, session),
+        server,
+        session.send,
         PageAssets(
             scene_glb=scene_glb,
             robot_glb=locobot_glb() if robot.spec.name == LOCOBOT.name else None,

@@ -38,12 +38,12 @@ from ltvn_viz.panels.replay_panel import ReplayPanel, TimelinePanel
 from ltvn_viz.panels.status_panel import Notifications, StatusPanel, StoryBar
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.drive_socket import Newest
+from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
-from ltvn_viz.server.requests import RouteHandler
 from ltvn_viz.session.snapshot import Message, Snapshot
-from ltvn_viz.wishes.commands import Command
-from ltvn_viz.wishes.wish_table import Action, Value
+from ltvn_viz.wishes.commands import Action, Command, Value
+from ltvn_viz.wishes.wish_table import command_for
 
 logger = logging.getLogger(__name__)
 _log = LimitedLog(logger)
@@ -173,62 +173,30 @@ class PageAssets:
     SceneError."""
 
 
-class Pages(Protocol):
-    """The pages: their numbers, their requests, and messages to all of them."""
-
-    def send_upload(self, command: Command) -> None:
-        """Send the command of an uploaded file; the page's guard has checked that it comes from the page with the
-        seat.
-        """
-        ...
-
-    def ask(self, action: Action, value: Value = None) -> None:
-        """Request an action from the driver's seat; the page's guard has checked that the page has it."""
-        ...
-
-    def stop_for(self, viser_client: int) -> None:
-        """Stop the robot for a page, with the seat or without."""
-        ...
-
-    def file_address(self, address: str) -> str:
-        """Return the address of a served file with the key that a picture in a panel needs."""
-        ...
-
-    def add_route(self, prefix: str, handler: RouteHandler, *, ending: str) -> None:
-        """Serve `prefix<number>.ending` from `handler(number)`, called in a worker thread."""
-        ...
-
-    def tell(self, kind: Newest, message: str | bytes) -> None:
-        """Send a message to all pages, in place of any waiting message of its kind."""
-        ...
-
-    @property
-    def shows_scene(self) -> bool:
-        """Whether any page shows the 3D scene."""
-        ...
-
-
-def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets, floor: Floor) -> Sequence[PagePart]:
+def build_layout(
+    server: GuardedServer, send: Callable[[Command], None], assets: PageAssets, floor: Floor
+) -> Sequence[PagePart]:
     """Add all layers and panels to the page, which begins with a view of `floor`.
 
-    Returns them in drawing order.
+    `send` takes the commands of viser's own controls and uploads, which `server` accepts from the driver's page only.
+    Returns the parts in drawing order.
     """
-    floor.begin(server)
+    floor.begin(server.viser)
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
     server.gui.set_panel_label(TITLE)
-    plan_view = PlanView(pages.tell, assets.scene_picture, assets.robot, floor)
-    pages.add_route("/map/", plan_view.changes.since, ending="json")
-    pages.add_route("/floor/", plan_view.picture, ending="bin")
-    scene = WhenShown(_layers(server.scene, assets), lambda: pages.shows_scene)
-    return [plan_view, *_panels(server, pages, floor), scene]
+    plan_view = PlanView(server.tell, assets.scene_picture, assets.robot, floor)
+    server.add_route("/map/", plan_view.changes.since, ending="json")
+    server.add_route("/floor/", plan_view.picture, ending="bin")
+    scene = WhenShown(_layers(server.scene, assets), lambda: server.shows_scene)
+    return [plan_view, *_panels(server, send), scene]
 
 
-def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PagePart]:
+def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[PagePart]:
     gui = server.gui
 
-    def clients() -> list[viser.ClientHandle]:
-        return list(server.get_clients().values())
+    def ask(action: Action, value: Value = None) -> None:
+        send(command_for(action, value))
 
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()
@@ -236,19 +204,19 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         drive = DrivePanel(gui)
         learn = FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
-        go = NavigationPanel(gui, pages.send_upload, pages.file_address)
+        go = NavigationPanel(gui, send, server.file_address)
     with tabs.add_tab("World", viser.Icon.DOOR):
         world = WorldPanel(gui)
         floor_plan = FloorPlanPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui)
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
-        why = DebuggerPanel(gui, pages.ask)
+        why = DebuggerPanel(gui, ask)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
-    camera = CameraPanel(gui, partial(pages.tell, Newest.PICTURE))
+    camera = CameraPanel(gui, partial(server.tell, Newest.PICTURE))
 
     # Each page has a stop of its own, which needs no seat.
-    server.on_client_connect(lambda client: list_stop(client.gui, partial(pages.stop_for, client.client_id)))
+    server.viser.on_client_connect(lambda client: list_stop(client.gui, partial(server.stop_for, client.client_id)))
     return [
         status,
         camera,
@@ -259,11 +227,11 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         floor_plan,
         replay,
         why,
-        TimelinePanel(partial(pages.tell, Newest.MOMENT)),
-        PadPanel(partial(pages.tell, Newest.ACTIVITY)),
-        CommandPalette(gui, pages.ask),
+        TimelinePanel(partial(server.tell, Newest.MOMENT)),
+        PadPanel(partial(server.tell, Newest.ACTIVITY)),
+        CommandPalette(gui, ask),
         StoryBar(gui),
-        Notifications(clients),
+        Notifications(lambda: list(server.viser.get_clients().values())),
     ]
 
 

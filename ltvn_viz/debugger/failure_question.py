@@ -32,7 +32,7 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.failure_map import add_map_faults
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection, stroke
-from ltvn_viz.wishes.commands import ChooseQuestion, PointAt, QuestionRequest
+from ltvn_viz.wishes.commands import Action, Ask, PointAt, QuestionRequest
 
 _NEXT = {
     FailureMode.ODOMETRY: (QuestionName.WHERE, QuestionName.EDGE),
@@ -232,7 +232,7 @@ def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
         link = Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge))
         asking = [f"{drove} ", link, Step(": select it, then ask “", typed)]
     questions = _NEXT[failure.failure_mode]
-    links = [Link(str(question), ChooseQuestion(question)) for question in questions]
+    links = [Link(str(question), Ask(Action.QUESTION, question)) for question in questions]
     words = " or ".join(f"--ask {question.word}" for question in questions)
     return [*asking, *joined(links, "” or “"), Step("”.", f"” ({words}).")]
 

@@ -24,7 +24,7 @@ from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.debugger.what_if_question import ImagineChange
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, PointAt, Seek
+from ltvn_viz.wishes.commands import Action, Ask, AskQuestion, PointAt, Seek
 
 __all__ = ["FileAsk", "FileCase", "ask_file"]
 
@@ -93,7 +93,7 @@ class FileAsk:
                 return replace(self, node=node, edge=None, text="")
             case PointAt(node=node, target=target):
                 return replace(self, edge=(node, target), node=None, text="")
-            case ChooseQuestion(name=name) if name in set(QuestionName) - {QuestionName.NONE}:
+            case Ask(Action.QUESTION, str() as name) if name in set(QuestionName) - {QuestionName.NONE}:
                 return replace(self, question=QuestionName(name).word, text="")
             case AskQuestion(request=ImagineChange(change)):
                 return replace(self, text=format_what_if_change(change))

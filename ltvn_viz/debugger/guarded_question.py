@@ -14,7 +14,7 @@ from ltvn_viz.debugger.answer_html import answer_html
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.session.inspection import Overlay, QuestionAnswer, Selection
-from ltvn_viz.wishes.commands import BaseCommand, Command
+from ltvn_viz.wishes.commands import Command
 
 _WORD = re.compile(r"[\w-]+")
 
@@ -66,7 +66,7 @@ class GuardedQuestion(Question[Any]):
             answer_html(found.answer)
             answer_text(found.answer)
             answer_json(found.answer)
-            wrong: list[Link] = [link for link in found.answer.links() if not isinstance(link.to, BaseCommand)]
+            wrong: list[Link] = [link for link in found.answer.links() if not isinstance(link.to, Command)]
             if wrong:
                 raise self._plugin.refusal(
                     f"answers with a link to {wrong[0].to!r:.60}; make links with request_link, time_link or edge_link"
@@ -84,7 +84,7 @@ class GuardedQuestion(Question[Any]):
             return self._command(self._question.handle_request(context, request))
 
     def _command(self, found: Any) -> Command | None:
-        if not (found is None or isinstance(found, BaseCommand)):
+        if not (found is None or isinstance(found, Command)):
             raise self._plugin.refusal(f"returns {found!r:.60}, not a command or None")
         return cast(Command | None, found)
 

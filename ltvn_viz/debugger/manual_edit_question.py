@@ -24,7 +24,7 @@ from ltvn_viz.session.inspection import (
     Selection,
     stroke,
 )
-from ltvn_viz.wishes.commands import CloseRecording, Command, EditMap, QuestionRequest, Seek
+from ltvn_viz.wishes.commands import Action, Ask, Command, EditMap, QuestionRequest, Seek
 
 _ROWS = 10
 _NOW_S = 1e9
@@ -74,7 +74,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
         builder = AnswerBuilder()
         input_hint = ""
         if not context.is_live:
-            back = Link("go back to the robot", CloseRecording())
+            back = Link("go back to the robot", Ask(Action.CLOSE))
             builder.add_line("A recording cannot be changed; ", back, " to change the map.")
         elif not _is_now(context):
             builder.add_line("This is the past. ", Link("Go to now", Seek(_NOW_S)), " to change the map.")

@@ -19,7 +19,7 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
 from ltvn_viz.session.live_map import LiveMap
-from ltvn_viz.wishes.commands import CloseRecording, PointAt
+from ltvn_viz.wishes.commands import Action, Ask, PointAt
 
 _LOOPS = 4
 _COLOURED = 500
@@ -46,7 +46,7 @@ class NextDriveQuestion(Question[Never]):
         frame = context.moment.frame
         seen = None if frame is None else context.observation(frame)
         if context.live_map is None:
-            back = Link("go back to the robot", CloseRecording())
+            back = Link("go back to the robot", Ask(Action.CLOSE))
             builder.add_line("This advice is for driving; ", back, ". “What failed?” judges a recording.")
             return builder.build()
         if seen is None:

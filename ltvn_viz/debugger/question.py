@@ -15,7 +15,7 @@ from ltvn_core.types import NodeId
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
-from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, Command, PointAt, QuestionRequest, Seek
+from ltvn_viz.wishes.commands import Action, Ask, AskQuestion, Command, PointAt, QuestionRequest, Seek
 
 __all__ = [
     "AnswerBuilder",
@@ -36,7 +36,7 @@ class AnswerBuilder(answer.AnswerBuilder):
 
     def add_pending(self, text: str, *, title: str = "") -> None:
         """Add a line about a computation in the background, after a bold title if there is one."""
-        self.blocks.append(Pending(text, title, Link("leave it", ChooseQuestion(QuestionName.NONE))))
+        self.blocks.append(Pending(text, title, Link("leave it", Ask(Action.QUESTION, QuestionName.NONE))))
 
     def add_behind(self, latest: LatestAnswer) -> None:
         """Add a note if the answer still belongs to another moment."""
@@ -48,7 +48,7 @@ class AnswerBuilder(answer.AnswerBuilder):
         if selection.edge is None:
             return {}
         source, target = selection.edge
-        more = Link("its images and attempts", ChooseQuestion(QuestionName.EDGE))
+        more = Link("its images and attempts", Ask(Action.QUESTION, QuestionName.EDGE))
         self.add_line("Edge ", Strong(f"{source} → {target}"), ": ", more)
         return {source: palette.SOURCE, target: palette.TARGET}
 

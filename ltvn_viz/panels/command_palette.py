@@ -14,8 +14,8 @@ from ltvn_viz.panels.world_panel import LIGHTS
 from ltvn_viz.server.keymap import key_label
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot, WorldView
-from ltvn_viz.wishes.commands import UNDER_WAY, Mode
-from ltvn_viz.wishes.wish_table import WISHES, Action, Value
+from ltvn_viz.wishes.commands import UNDER_WAY, Action, Mode, Value
+from ltvn_viz.wishes.wish_table import WISHES
 
 GO_TO_NODE = "Go to node …"
 """Label of the one entry for all nodes; `static/palette.js` knows it."""

@@ -9,7 +9,7 @@ import viser
 from ltvn_viz.panels.html_widgets import HtmlBlock, note
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.wishes.wish_table import Action, Value
+from ltvn_viz.wishes.commands import Action, Value
 
 ANSWERED_WITHIN_S = 1.0
 """Time in seconds for which a person's choice is shown, before the session's question replaces it."""

@@ -22,8 +22,7 @@ from ltvn_viz.panels.html_widgets import (
 )
 from ltvn_viz.session.fine_tuning import besides_words
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, Snapshot
-from ltvn_viz.wishes.commands import LEAST_MINUTES, LIVE, MOST_MINUTES, Mode
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import LEAST_MINUTES, LIVE, MOST_MINUTES, Action, Mode
 
 
 class DrivePanel:

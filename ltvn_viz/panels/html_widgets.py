@@ -12,7 +12,8 @@ import viser
 
 from ltvn_core import palette
 from ltvn_viz.server.keymap import key_label
-from ltvn_viz.wishes.wish_table import WISHES, Action
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import WISHES
 
 REACHED_BY_TAB = 'role="button" tabindex="0"'
 """Makes an element with an action reachable by keyboard, as a button is; Enter presses it."""

@@ -22,8 +22,7 @@ from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Rgb
 from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, ActionButton, HtmlBlock, button_row, note, toggle
 from ltvn_viz.session.snapshot import Snapshot, UploadMatch, WayNodes
-from ltvn_viz.wishes.commands import Command, Mode, NavigateToImage, ReportError
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import STANDING, Action, Command, Mode, NavigateToImage, ReportError
 
 GO_TO_UPLOAD = "Go to an uploaded image"
 FIND_UPLOAD = "Find an uploaded image in this map"
@@ -84,7 +83,7 @@ class NavigationPanel:
         label = FIND_UPLOAD if snapshot.mode is Mode.REPLAY else GO_TO_UPLOAD
         if self._upload.label != label:
             self._upload.label = label
-        is_closed = snapshot.mode not in NavigateToImage.modes
+        is_closed = snapshot.mode not in STANDING
         if self._upload.disabled != is_closed:
             self._upload.disabled = is_closed
         self.task.show(_task(snapshot))

@@ -13,8 +13,7 @@ import viser
 from ltvn_core.terminal_text import count_text
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
-from ltvn_viz.wishes.commands import STANDING
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import STANDING, Action
 
 NONE_YET: str = "no recordings yet"
 IMPORT = "import: "

@@ -4,8 +4,7 @@ import viser
 
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note
 from ltvn_viz.session.snapshot import DoorView, Snapshot, WorldView
-from ltvn_viz.wishes.commands import LIVE, Mode
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import LIVE, Action, Mode
 
 LIGHTS = (("Plain", 100), ("Dim", 50), ("Dark", 20))
 """Names of the settings of light, each with its brightness in percent."""

@@ -11,7 +11,8 @@ from typing import Any, TypeAlias
 from ltvn_core.structured_text import parse_json
 from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
 from ltvn_viz.server.keymap import Direction
-from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES, Action, Value
+from ltvn_viz.wishes.commands import Action, Value
+from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES
 
 MAX_MESSAGE_BYTES = 4096
 _HERE_TEXT = '{"type":"here"}'

@@ -33,7 +33,8 @@ from ltvn_viz.server.drive_messages import (
 )
 from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, Presence, StopReason
 from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget
-from ltvn_viz.wishes.wish_table import WISHES, Action, Audience, Value
+from ltvn_viz.wishes.commands import Action, Value
+from ltvn_viz.wishes.wish_table import WISHES, Audience
 
 logger = logging.getLogger(__name__)
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
 
-from ltvn_viz.wishes.wish_table import WISHES, Action
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import WISHES
 
 
 class Direction(StrEnum):

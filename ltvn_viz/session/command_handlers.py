@@ -4,12 +4,13 @@ Owns the meaning of each command, and the content of new recordings; the maker w
 `wishes` decides which commands are legal now. Runs in the session's thread only.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import assert_never
+from typing import Any, assert_never
 
+from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import LtvnError, OptionError, RecordingError
@@ -20,17 +21,18 @@ from ltvn_core.maps.recorded_map import build_recorded_map, save_recorded_map
 from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_core.terminal_text import count_text
 from ltvn_core.training.fine_tuning_data import DriveSource
-from ltvn_core.types import Observation
+from ltvn_core.types import NodeId, Observation
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place, navigate, pick
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
-from ltvn_viz.session.seeking import go_through_time
+from ltvn_viz.session.seeking import play_or_hold, seek, seek_by, seek_mark, set_speed, show_now
 from ltvn_viz.session.snapshot import JobProgress
-from ltvn_viz.session.world_handlers import change_map, change_world
+from ltvn_viz.session.world_handlers import begin_story, change_map, world_of
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import LEAST_MINUTES, MOST_MINUTES, Mode
 from ltvn_viz.wishes.wish_table import refusal
@@ -52,64 +54,22 @@ def handle(state: AppState, command: c.Command) -> None:
 
 
 def _carry_out(state: AppState, command: c.Command) -> None:
-    if isinstance(command, c.DebuggerCommand):
-        _inspect(state, command)
-    elif isinstance(command, c.WorldCommand):
-        change_world(state, command)
-    elif isinstance(command, c.RecordingCommand):
-        _record(state, command)
-    elif isinstance(command, c.PlaybackCommand):
-        _play(state, command)
-    elif isinstance(command, c.TimeCommand):
-        go_through_time(state, command)
-    elif isinstance(command, c.FloorPlanCommand):
-        _align(state, command)
-    else:
-        _carry_out_other(state, command)
-
-
-def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
     match command:
-        case c.StopRobot():
-            _stop(state)
-        case c.Cancel():
-            _cancel(state)
-        case c.EndAction(succeeded):
-            state.actions.answer(succeeded=succeeded)
-        case c.TakeOver():
-            _end_steps(state, "You took over", "somebody took over the robot")
-        case c.KeepGoing(is_on):
-            _keep_going(state, is_on=is_on)
-        case c.ShowLarger(is_on):
-            state.shows_larger = is_on
-        case c.ShowFloor(floor):
-            state.floor.chosen = floor
-        case c.BuildMap():
-            _build_map(state)
-        case c.UndoBuild():
-            _undo_build(state)
-        case c.ImportDrive(name):
-            import_source(state, name)
-        case c.FineTune(minutes):
-            start_fine_tuning(state, minutes)
-        case c.UseWeights():
-            use_weights(state)
-        case c.StopFineTuning():
-            state.fine_tuning.cancel()
-        case c.DismissWeights():
-            state.fine_tuning.dismiss()
-        case c.ChooseGoal(node):
-            choose_goal(state, node)
-        case c.PickNode(node):
-            pick(state, node)
-        case c.PickEdge(node, target):
-            if not state.debugger.is_on:
-                state.debugger.choose(QuestionName.EDGE)
+        case c.Ask(action, value):
+            if action in _ALONE:
+                _ALONE[action](state)
+            elif action in _WITH_VALUE:
+                _WITH_VALUE[action](state, value)
+        case c.PointAt(node, target):
             state.debugger.point_at(node, target)
+        case c.AskQuestion(request):
+            _ask(state, state.debugger.handle_request(request))
         case c.EditMap(deltas):
             change_map(state, deltas)
-        case c.NavigateTo(node):
-            navigate(state, node)
+        case c.OpenRecording():
+            _open(state, command)
+        case c.Seek(time_s):
+            seek(state, time_s)
         case c.NavigateToImage(rgb, original):
             if isinstance(state.activity, Playback):
                 find_place(state, state.activity, rgb if original is None else original)
@@ -122,23 +82,34 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             assert_never(command)
 
 
-def _align(state: AppState, command: c.FloorPlanCommand) -> None:
-    """Run a command about the alignment of the floor plan. Raises OptionError."""
-    alignment = state.alignment
-    if alignment is None:
+def _pick_edge(state: AppState, ends: tuple[NodeId, NodeId]) -> None:
+    if not state.debugger.is_on:
+        state.debugger.choose(QuestionName.EDGE)
+    state.debugger.point_at(*ends)
+
+
+def _alignment(state: AppState) -> FloorPlanClicks:
+    """Return the alignment of the floor plan. Raises OptionError without a plan."""
+    if state.alignment is None:
         raise OptionError("There is no floor plan. Start the page with --floor-plan map.yaml to see one.")
-    match command:
-        case c.AlignFloorPlan():
-            alignment.toggle()
-        case c.PointOnFloorPlan(place):
-            alignment.take_place(place)
-        case c.UndoPlanClick():
-            alignment.undo()
-        case c.UseAlignment():
-            alignment.use()
-            state.say("The floor plan is aligned. “World” shows the option that gives the same alignment next time.")
-        case _:
-            assert_never(command)
+    return state.alignment
+
+
+def _use_alignment(state: AppState) -> None:
+    _alignment(state).use()
+    state.say("The floor plan is aligned. “World” shows the option that gives the same alignment next time.")
+
+
+def _choose_floor(state: AppState, floor: int | None) -> None:
+    state.floor.chosen = floor
+
+
+def _show_larger(state: AppState, switch: int) -> None:
+    state.shows_larger = bool(switch)
+
+
+def _close(state: AppState) -> None:
+    state.activity = state.teleop
 
 
 def _cancel(state: AppState) -> None:
@@ -199,12 +170,12 @@ def take_made_recording(state: AppState) -> None:
             state.say(" ".join([text, *map(str, findings)]), Severity.WARN if findings else Severity.INFO)
 
 
-def _keep_going(state: AppState, *, is_on: bool) -> None:
-    if is_on and not state.live.robot.clock.is_simulated:
+def _keep_going(state: AppState, switch: int) -> None:
+    if switch and not state.live.robot.clock.is_simulated:
         raise OptionError(
             "Only a simulated robot may drive on with no page open; a real one needs a person who watches it."
         )
-    state.keeps_going = is_on
+    state.keeps_going = bool(switch)
 
 
 def _stop(state: AppState) -> None:
@@ -218,38 +189,23 @@ def _end_steps(state: AppState, how: str, why: str) -> None:
         state.say(f"{how}; {ended} was cancelled.")
 
 
-def _play(state: AppState, command: c.PlaybackCommand) -> None:
-    """Run a command for the current query or replay."""
-    match command, state.activity:
-        case c.Pause(), Playback() as replay:
+def _pause(state: AppState) -> None:
+    match state.activity:
+        case Playback() as replay:
             replay.play(playing=not replay.playing)
-        case c.Pause(), Navigation() as navigation:
+        case Navigation() as navigation:
             navigation.resume() if navigation.mode is Mode.PAUSED else navigation.pause()
-        case c.StepOnce(), Navigation() as navigation:
-            navigation.step()
-        case c.OpenRecording() as opening, _:
-            _open(state, opening)
-        case c.CloseRecording(), _:
-            state.activity = state.teleop
-        case ((c.Pause() | c.StepOnce()), _):
+        case _:
             pass  # It is legal only in another mode; `refusal` has checked this.
 
 
-def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
-    debugger = state.debugger
-    match command:
-        case c.ChooseQuestion(name):
-            debugger.choose(next((each for each in debugger.names if each == name), QuestionName.NONE))
-        case c.PointAt(node, target):
-            debugger.point_at(node, target)
-        case c.SubmitText(text):
-            _ask(state, debugger.handle_text(text))
-        case c.AskQuestion(request):
-            _ask(state, debugger.handle_request(request))
-        case c.FollowLink(number):
-            _ask(state, debugger.link(number) or c.ReportError(_STALE_LINK))
-        case _:
-            assert_never(command)
+def _step(state: AppState) -> None:
+    if isinstance(state.activity, Navigation):
+        state.activity.step()
+
+
+def _choose_question(state: AppState, name: str) -> None:
+    state.debugger.choose(next((each for each in state.debugger.names if each == name), QuestionName.NONE))
 
 
 def _ask(state: AppState, asked: c.Command | None) -> None:
@@ -257,26 +213,24 @@ def _ask(state: AppState, asked: c.Command | None) -> None:
         handle(state, asked)
 
 
-def _record(state: AppState, command: c.RecordingCommand) -> None:
-    recorder = state.live.recorder
+def _record(state: AppState) -> None:
+    state.live.begin_recording()
+    if state.world is not None:
+        state.world.record()
 
+
+def _keep(state: AppState) -> None:
     def kept(path: Path) -> None:
         state.last_recording = path.name
         state.say(f"Kept as {state.last_recording}. Open it under “Replay”.")
 
-    match command:
-        case c.StartRecording():
-            state.live.begin_recording()
-            if state.world is not None:
-                state.world.record()
-        case c.KeepRecording():
-            recorder.keep(kept)
-        case c.DiscardRecording():
-            recorder.discard(
-                lambda place: state.say(f"The recording was set aside as {place}; delete it there if you like.")
-            )
-        case _:
-            assert_never(command)
+    state.live.recorder.keep(kept)
+
+
+def _discard(state: AppState) -> None:
+    state.live.recorder.discard(
+        lambda place: state.say(f"The recording was set aside as {place}; delete it there if you like.")
+    )
 
 
 def _open(state: AppState, asked: c.OpenRecording) -> None:
@@ -389,3 +343,62 @@ def use_weights(state: AppState) -> None:
 
 def _recording(state: AppState) -> str | None:
     return state.activity.name if isinstance(state.activity, Playback) else state.last_recording
+
+
+SEEK_S = 1.0
+"""Time in seconds by which a key moves the moment on show."""
+_ALONE: Mapping[c.Action, Callable[[AppState], None]] = {
+    c.Action.STOP: _stop,
+    c.Action.TAKE_OVER: lambda state: _end_steps(state, "You took over", "somebody took over the robot"),
+    c.Action.RECORD: _record,
+    c.Action.KEEP: _keep,
+    c.Action.DISCARD: _discard,
+    c.Action.BUILD: _build_map,
+    c.Action.UNDO_BUILD: _undo_build,
+    c.Action.STOP_LEARNING: lambda state: state.fine_tuning.cancel(),
+    c.Action.USE_WEIGHTS: use_weights,
+    c.Action.LEAVE_WEIGHTS: lambda state: state.fine_tuning.dismiss(),
+    c.Action.CANCEL: _cancel,
+    c.Action.PAUSE: _pause,
+    c.Action.STEP: _step,
+    c.Action.CLOSE: _close,
+    c.Action.SEEK_BACK: lambda state: seek_by(state, -SEEK_S),
+    c.Action.SEEK_FORWARD: lambda state: seek_by(state, SEEK_S),
+    c.Action.PLAY: play_or_hold,
+    c.Action.SHOW_NOW: show_now,
+    c.Action.EVENT_BEFORE: lambda state: seek_mark(state, None, forwards=False),
+    c.Action.EVENT_AFTER: lambda state: seek_mark(state, None, forwards=True),
+    c.Action.QUERY_BEFORE: lambda state: seek_mark(state, MarkKind.QUERY_START, forwards=False),
+    c.Action.QUERY_AFTER: lambda state: seek_mark(state, MarkKind.QUERY_START, forwards=True),
+    c.Action.UNDO_CHANGE: lambda state: world_of(state).undo(),
+    c.Action.WATCH_IT_LEARN: begin_story,
+    c.Action.ALIGN_PLAN: lambda state: _alignment(state).toggle(),
+    c.Action.UNDO_PLAN_CLICK: lambda state: _alignment(state).undo(),
+    c.Action.USE_ALIGNMENT: _use_alignment,
+}
+"""What each wish without a value does; the page and its seat fulfil those that are in neither table."""
+_WITH_VALUE: Mapping[c.Action, Callable[[AppState, Any], None]] = {
+    c.Action.LEARN: start_fine_tuning,
+    c.Action.GOAL: navigate,
+    c.Action.SELECT: choose_goal,
+    c.Action.PICK: pick,
+    c.Action.PICK_EDGE: _pick_edge,
+    c.Action.END_ACTION: lambda state, switch: state.actions.answer(succeeded=bool(switch)),
+    c.Action.KEEP_GOING: _keep_going,
+    c.Action.LARGER_PICTURE: _show_larger,
+    c.Action.OPEN: lambda state, name: _open(state, c.OpenRecording(name)),
+    c.Action.IMPORT: import_source,
+    c.Action.SEEK: lambda state, time_ms: seek(state, time_ms / 1000),
+    c.Action.SPEED: set_speed,
+    c.Action.DOOR: lambda state, door: world_of(state).toggle_door(door),
+    c.Action.AIM_BOX: lambda state, number: world_of(state).aim_box(number),
+    c.Action.PUT_BOX: lambda state, place: world_of(state).put_box(place),
+    c.Action.TAKE_BOX: lambda state, number: world_of(state).take_box(number),
+    c.Action.LIGHT: lambda state, percent: world_of(state).set_light(percent / 100),
+    c.Action.SHOW_FLOOR: _choose_floor,
+    c.Action.POINT_ON_PLAN: lambda state, place: _alignment(state).take_place(place),
+    c.Action.QUESTION: _choose_question,
+    c.Action.TELL: lambda state, text: _ask(state, state.debugger.handle_text(text)),
+    c.Action.FOLLOW: lambda state, number: _ask(state, state.debugger.link(number) or c.ReportError(_STALE_LINK)),
+}
+"""What each wish with a value does; the value fits, because `wish_table.command_for` checked it."""

@@ -3,33 +3,14 @@
 Owns stepping from event to event, and looking back during a run. `ltvn_core.analysis.timeline` knows the events.
 """
 
-from typing import assert_never
-
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.strip_marks import adjacent_instant, adjacent_mark
-from ltvn_viz.wishes import commands as c
 
-
-def go_through_time(state: AppState, command: c.TimeCommand) -> None:
-    """Run a command that moves the current time."""
-    match command:
-        case c.Seek(time_s):
-            seek(state, time_s)
-        case c.SeekBy(seconds):
-            seek(state, _shown_stamp(state) - state.shown_run.start_s + seconds)
-        case c.SeekMark(kind, forwards):
-            seek_mark(state, kind, forwards=forwards)
-        case c.PlayTime():
-            play_or_hold(state)
-        case c.SetPlaySpeed(speed):
-            state.play_speed = speed
-        case c.ShowNow():
-            show_now(state)
-        case _:
-            assert_never(command)
+LEAST_SPEED, MOST_SPEED = 25, 800
+"""Limits of the playing speed, in percent."""
 
 
 def seek(state: AppState, time_s: float) -> None:
@@ -41,6 +22,16 @@ def seek(state: AppState, time_s: float) -> None:
     stamp = run.start_s + time_s
     state.shown_stamp = stamp if stamp < state.live.now_s else None
     state.plays_past = state.plays_past and state.shown_stamp is not None
+
+
+def seek_by(state: AppState, seconds: float) -> None:
+    """Show the state at a later time (positive), or an earlier time (negative), by a number of seconds."""
+    seek(state, _shown_stamp(state) - state.shown_run.start_s + seconds)
+
+
+def set_speed(state: AppState, percent: int) -> None:
+    """Set the playback speed, within its limits."""
+    state.play_speed = min(max(percent, LEAST_SPEED), MOST_SPEED) / 100
 
 
 def show_now(state: AppState) -> None:

@@ -105,7 +105,7 @@ class Session:
     def _is_fresh_stop(self, command: c.Command) -> bool:
         """Tell whether a command must be accepted even if the queue is full: a stop that does not follow another."""
         latest = next(reversed(self._commands), None)
-        return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
+        return _is_stop(command) and not _is_stop(latest)
 
     def wake(self) -> None:
         """Let the session check commands and the driver now, not only at its next tick. Safe from any thread and from
@@ -172,7 +172,7 @@ class Session:
         self._driver.keep(kept=isinstance(state.activity, Navigation))
         twist = self._driver.current_twist()
         if twist is not None and state.steps_from:
-            handle(state, c.TakeOver())
+            handle(state, c.Ask(c.Action.TAKE_OVER))
         if twist is not None and not isinstance(state.activity, Playback):
             show_now(state)  # Nobody may drive the robot by an image of the past.
         if twist is not None and state.open_loop:
@@ -233,6 +233,10 @@ class Session:
                 f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped, and the "
                 "recording is kept. The log on the console says more; please report it."
             )
+
+
+def _is_stop(command: c.Command | None) -> bool:
+    return isinstance(command, c.Ask) and command.action is c.Action.STOP
 
 
 def _watch_link(state: AppState) -> None:

@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, urlencode
 from ltvn_core.errors import OptionError
 from ltvn_viz.server.index_page import LINK_PARAMETERS
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.wishes.commands import ChooseQuestion, Command, OpenRecording, PointAt
+from ltvn_viz.wishes.commands import Action, Ask, Command, OpenRecording, PointAt
 
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
@@ -64,7 +64,7 @@ def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Comma
         return ()
     if word not in known:
         raise OptionError(f"This link, or --ask, names the tool “{word}”; there are {', '.join(known)}.")
-    return (ChooseQuestion(known[word]),)
+    return (Ask(Action.QUESTION, known[word]),)
 
 
 def _pointed(words: dict[str, str]) -> tuple[Command, ...]:

@@ -135,7 +135,7 @@ class StoryTeller:
             case None | Wait():
                 return None
             case GoTo(node):
-                return c.NavigateTo(node)
+                return c.Ask(c.Action.GOAL, node)
             case Change(change):
                 self._world.change(change)
                 return None

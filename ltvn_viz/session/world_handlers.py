@@ -1,7 +1,6 @@
 """Runs the commands that change the simulated world, and reports the results. In the session's thread only."""
 
 from collections.abc import Sequence
-from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.door_story.story_map import NO_STORY, why_no_story
@@ -11,37 +10,31 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.goal_handlers import drive_to
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.wishes import commands as c
 
 
-def change_world(state: AppState, command: c.WorldCommand) -> None:
-    """Queue a change of the world. Raises OptionError without a simulated world."""
+def world_of(state: AppState) -> ChangeableWorld:
+    """Return the simulated world, whose changes are queued. Raises OptionError without one."""
     if state.world is None:
         raise OptionError("Only a simulated world can be changed here; this robot drives in a real one.")
-    match command:
-        case c.ToggleDoor(door):
-            state.world.toggle_door(door)
-        case c.AimBox(number):
-            state.world.aim_box(number)
-        case c.PutBox(place):
-            state.world.put_box(place)
-        case c.TakeBox(number):
-            state.world.take_box(number)
-        case c.SetLight(percent):
-            state.world.set_light(percent / 100)
-        case c.UndoWorldChange():
-            state.world.undo()
-        case c.WatchItLearn():
-            if why_not := no_story(state):
-                raise OptionError(why_not)
-            state.end_steps("another story begins")
-            if state.story is not None:
-                state.story.close()
-            state.story = StoryTeller(state.live, state.live_map, state.world)
-        case _:
-            assert_never(command)
+    return state.world
+
+
+def begin_story(state: AppState) -> None:
+    """Close a door on a planned path, let the robot discover it, open the door again, and show what the map learned.
+
+    Raises OptionError if no story can be played here.
+    """
+    world = world_of(state)
+    if why_not := no_story(state):
+        raise OptionError(why_not)
+    state.end_steps("another story begins")
+    if state.story is not None:
+        state.story.close()
+    state.story = StoryTeller(state.live, state.live_map, world)
 
 
 def carry_out_changes(state: AppState) -> None:
@@ -99,7 +92,7 @@ def go_on_with_story(state: AppState) -> None:
     if story.lead() or state.worker.pending or state.teleop.is_mapping:
         return
     match story.tick(is_idle=is_idle):
-        case c.NavigateTo(node) if node is not None:
+        case c.Ask(c.Action.GOAL, int() as node):
             drive_to(state, node)
         case c.EditMap(deltas):
             change_map(state, deltas)

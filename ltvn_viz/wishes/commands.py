@@ -1,15 +1,14 @@
-"""Commands of a person to the app, as data, and the modes in which each is legal.
+"""Commands of a person to the app, as data: wishes of the page's table with their values, and those that carry more.
 
 Callbacks of the page create commands and put them into the session's queue; only the session runs them. Driving is not
-a command: the session polls the held keys from the driver's seat, so that outdated inputs cannot fill the queue. Their
-names on the page are in `wish_table`.
+a command: the session polls the held keys from the driver's seat, so that outdated inputs cannot fill the queue. Words,
+keys and legal modes of the wishes are in `wish_table`.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, TypeAlias
+from typing import TypeAlias
 
-from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.types import NodeId, Rgb
 
@@ -36,97 +35,65 @@ UNDER_WAY = frozenset({Mode.NAVIGATING, Mode.PAUSED})
 """Modes in which a query is in progress."""
 STANDING = frozenset({Mode.TELEOP, Mode.REPLAY})
 """Modes in which neither a query nor the building of a map is in progress."""
+REPLAYING = frozenset({Mode.REPLAY})
+IN_TIME = LIVE | REPLAYING
+"""Modes in which the moment on show can be chosen."""
 
 
-@dataclass(frozen=True, eq=False)
-class BaseCommand:
-    """Base of all commands."""
+class Action(StrEnum):
+    """An action that a press or a click requests; the value is its name between page and server."""
 
-    modes: ClassVar[frozenset[Mode]]
-    """Modes in which the command is legal."""
-
-    def __init_subclass__(cls, *, modes: frozenset[Mode]) -> None:
-        """Set the modes of a kind of command."""
-        cls.modes = modes
-
-
-@dataclass(frozen=True, eq=False)
-class StopRobot(BaseCommand, modes=ANYWHERE):
-    """Stop the robot now and end whatever gives it its steps: a query, the story, the search for an image."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cancel(BaseCommand, modes=ANYWHERE):
-    """Cancel the query or the building of a map."""
-
-
-@dataclass(frozen=True, eq=False)
-class EndAction(BaseCommand, modes=UNDER_WAY):
-    """Report whether the action that the robot waits for has succeeded."""
-
-    succeeded: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
-    """Pause the query or the replay, or continue it."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepOnce(BaseCommand, modes=UNDER_WAY):
-    """Run one control step of the query, then pause it."""
-
-
-@dataclass(frozen=True, eq=False)
-class KeepGoing(BaseCommand, modes=ANYWHERE):
-    """Choose whether a query continues or pauses when the last page closes."""
-
-    is_on: bool
-
-
-@dataclass(frozen=True, eq=False)
-class ShowLarger(BaseCommand, modes=ANYWHERE):
-    """Choose between the larger picture for people and the image that the method sees."""
-
-    is_on: bool
-
-
-@dataclass(frozen=True, eq=False)
-class TakeOver(BaseCommand, modes=ANYWHERE):
-    """End whatever gives the robot its steps, because a person drives."""
-
-
-@dataclass(frozen=True, eq=False)
-class StartRecording(BaseCommand, modes=LIVE):
-    """Start a new recording."""
-
-
-@dataclass(frozen=True, eq=False)
-class KeepRecording(BaseCommand, modes=LIVE):
-    """End the recording and keep it under a new name."""
-
-
-@dataclass(frozen=True, eq=False)
-class DiscardRecording(BaseCommand, modes=LIVE):
-    """End the recording and move it to the folder of discarded ones."""
-
-
-@dataclass(frozen=True, eq=False)
-class BuildMap(BaseCommand, modes=STANDING):
-    """Run Algorithm 1: rebuild the live map from all images, or build a map of the open recording into a new file."""
-
-
-@dataclass(frozen=True, eq=False)
-class UndoBuild(BaseCommand, modes=DRIVING):
-    """Restore the map from before it was rebuilt."""
-
-
-@dataclass(frozen=True, eq=False)
-class ImportDrive(BaseCommand, modes=STANDING):
-    """Import a drive in another format from the recordings folder into a new recording, and open the recording."""
-
-    name: str
-    """Path inside the recordings folder."""
+    STOP = "stop"
+    TAKE_OVER = "take_over"
+    RELEASE = "release"
+    RECORD = "record"
+    KEEP = "keep"
+    DISCARD = "discard"
+    BUILD = "build"
+    UNDO_BUILD = "undo_build"
+    LEARN = "learn"
+    STOP_LEARNING = "stop_learning"
+    USE_WEIGHTS = "use_weights"
+    LEAVE_WEIGHTS = "leave_weights"
+    GOAL = "goal"
+    SELECT = "select"
+    PICK = "pick"
+    PICK_EDGE = "pick_edge"
+    CANCEL = "cancel"
+    END_ACTION = "end_action"
+    PAUSE = "pause"
+    STEP = "step"
+    KEEP_GOING = "keep_going"
+    LARGER_PICTURE = "larger_picture"
+    OPEN = "open"
+    IMPORT = "import"
+    CLOSE = "close"
+    SEEK_BACK = "seek_back"
+    SEEK_FORWARD = "seek_forward"
+    SEEK = "seek"
+    PLAY = "play"
+    SPEED = "speed"
+    SHOW_NOW = "show_now"
+    EVENT_BEFORE = "event_before"
+    EVENT_AFTER = "event_after"
+    QUERY_BEFORE = "query_before"
+    QUERY_AFTER = "query_after"
+    DOOR = "door"
+    AIM_BOX = "aim_box"
+    PUT_BOX = "put_box"
+    TAKE_BOX = "take_box"
+    LIGHT = "light"
+    UNDO_CHANGE = "undo_change"
+    WATCH_IT_LEARN = "watch_it_learn"
+    SHOW_FLOOR = "show_floor"
+    ALIGN_PLAN = "align_plan"
+    POINT_ON_PLAN = "point_on_plan"
+    UNDO_PLAN_CLICK = "undo_plan_click"
+    USE_ALIGNMENT = "use_alignment"
+    QUESTION = "question"
+    TELL = "tell"
+    FOLLOW = "follow"
+    HELP = "help"
 
 
 LEAST_MINUTES = 1
@@ -134,47 +101,17 @@ MOST_MINUTES = 60
 """Shortest and longest fine-tuning, in minutes."""
 
 
-@dataclass(frozen=True, eq=False)
-class FineTune(BaseCommand, modes=ANYWHERE):
-    """Fine-tune the network on the current drive."""
-
-    minutes: float
+Value: TypeAlias = int | str | tuple[float, float] | None
+"""Value that comes with a wish; `wish_table.Carried` checks those of a page."""
 
 
 @dataclass(frozen=True, eq=False)
-class StopFineTuning(BaseCommand, modes=ANYWHERE):
-    """Cancel fine-tuning; the network does not change."""
+class Ask:
+    """Fulfil a wish of the page's table. TAKE_OVER means that a person drives, which ends whatever gives the robot its
+    steps; the seat itself changes hands before."""
 
-
-@dataclass(frozen=True, eq=False)
-class UseWeights(BaseCommand, modes=DRIVING):
-    """Use the weights from fine-tuning, and rebuild the map with them."""
-
-
-@dataclass(frozen=True, eq=False)
-class DismissWeights(BaseCommand, modes=ANYWHERE):
-    """Keep the weights in use; the weights from fine-tuning stay on disk."""
-
-
-@dataclass(frozen=True, eq=False)
-class ChooseQuestion(BaseCommand, modes=ANYWHERE):
-    """Show a question of the debugger by its name on the page; for an unknown name, show none."""
-
-    name: str
-
-
-@dataclass(frozen=True, eq=False)
-class FollowLink(BaseCommand, modes=ANYWHERE):
-    """Follow a link in the answer on show."""
-
-    link: int
-
-
-@dataclass(frozen=True, eq=False)
-class SubmitText(BaseCommand, modes=ANYWHERE):
-    """Pass a text that a person typed to the question on show."""
-
-    text: str
+    action: Action
+    value: Value = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,14 +120,14 @@ class QuestionRequest:
 
 
 @dataclass(frozen=True, eq=False)
-class AskQuestion(BaseCommand, modes=ANYWHERE):
+class AskQuestion:
     """Send a request to the question on show."""
 
     request: QuestionRequest
 
 
 @dataclass(frozen=True, eq=False)
-class PointAt(BaseCommand, modes=ANYWHERE):
+class PointAt:
     """Select a node, or an edge from `node` to `target`, for the question on show."""
 
     node: NodeId
@@ -198,37 +135,7 @@ class PointAt(BaseCommand, modes=ANYWHERE):
 
 
 @dataclass(frozen=True, eq=False)
-class ChooseGoal(BaseCommand, modes=LIVE):
-    """Choose a node as the goal, and drive there if the robot is free; sent by a click on a goal's image."""
-
-    node: NodeId
-
-
-@dataclass(frozen=True, eq=False)
-class PickNode(BaseCommand, modes=ANYWHERE):
-    """Report a click on a node: it aligns the floor plan, selects the node for a question, or chooses it as the
-    goal."""
-
-    node: NodeId
-
-
-@dataclass(frozen=True, eq=False)
-class PickEdge(BaseCommand, modes=ANYWHERE):
-    """Report a click on an edge, which is asked about: by the question on show, or by the one about edges."""
-
-    node: NodeId
-    target: NodeId
-
-
-@dataclass(frozen=True, eq=False)
-class NavigateTo(BaseCommand, modes=DRIVING):
-    """Drive to a node of the map; None means the chosen goal."""
-
-    node: NodeId | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class NavigateToImage(BaseCommand, modes=STANDING):
+class NavigateToImage:
     """Drive to the node that is most similar to an image (72, 96, 3); in a replay, find it in the map on show."""
 
     rgb: Rgb
@@ -237,7 +144,7 @@ class NavigateToImage(BaseCommand, modes=STANDING):
 
 
 @dataclass(frozen=True, eq=False)
-class OpenRecording(BaseCommand, modes=STANDING):
+class OpenRecording:
     """Show a recording of the recordings folder in the page."""
 
     name: str
@@ -249,177 +156,25 @@ class OpenRecording(BaseCommand, modes=STANDING):
 
 
 @dataclass(frozen=True, eq=False)
-class CloseRecording(BaseCommand, modes=frozenset({Mode.REPLAY})):
-    """Return from the replay to the live robot."""
-
-
-@dataclass(frozen=True, eq=False)
-class Seek(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+class Seek:
     """Show the recording, or the live run, at a time in seconds after its beginning."""
 
     time_s: float
 
 
 @dataclass(frozen=True, eq=False)
-class EditMap(BaseCommand, modes=DRIVING):
+class EditMap:
     """Change the live map by hand."""
 
     deltas: tuple[GraphDelta, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the moment of the next mark on the timeline, or of the previous one."""
-
-    kind: MarkKind | None
-    """Kind of the mark; None means any event, with a mark or without."""
-    forwards: bool
-
-
-@dataclass(frozen=True, eq=False)
-class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the replay at a later time (positive), or an earlier time (negative), by a number of seconds."""
-
-    seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Play or pause the recording, or the look back at the live run."""
-
-
-@dataclass(frozen=True, eq=False)
-class SetPlaySpeed(BaseCommand, modes=ANYWHERE):
-    """Set the playback speed as a factor of real time."""
-
-    speed: float
-
-
-@dataclass(frozen=True, eq=False)
-class ShowNow(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the live run as it is now, after a look back."""
-
-
-@dataclass(frozen=True, eq=False)
-class ToggleDoor(BaseCommand, modes=LIVE):
-    """Close an open door of the simulated world, or open a closed one."""
-
-    door: int
-
-
-@dataclass(frozen=True, eq=False)
-class AimBox(BaseCommand, modes=LIVE):
-    """Wait for a click on the floor for the place of a box; a second command cancels this."""
-
-    number: int
-    """Number of an existing box to move; 0 for a new one."""
-
-
-@dataclass(frozen=True, eq=False)
-class PutBox(BaseCommand, modes=LIVE):
-    """Put the selected box, or a new one, at a place in the simulated world."""
-
-    place: tuple[float, float] | None = None
-    """Position (x, y) in metres; None means in front of the robot."""
-
-
-@dataclass(frozen=True, eq=False)
-class TakeBox(BaseCommand, modes=LIVE):
-    """Remove a box from the simulated world."""
-
-    number: int
-
-
-@dataclass(frozen=True, eq=False)
-class SetLight(BaseCommand, modes=LIVE):
-    """Make the simulated world's light brighter or darker."""
-
-    percent: int
-    """Brightness in percent; 100 is the original brightness of the scene."""
-
-
-@dataclass(frozen=True, eq=False)
-class UndoWorldChange(BaseCommand, modes=LIVE):
-    """Undo the last manual change of the simulated world."""
-
-
-@dataclass(frozen=True, eq=False)
-class WatchItLearn(BaseCommand, modes=DRIVING):
-    """Close a door on a planned path, let the robot discover it, open the door again, and show what the map learned."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShowFloor(BaseCommand, modes=ANYWHERE):
-    """Show one floor of a map with several."""
-
-    floor: int | None = None
-    """Number of the floor from 0; None shows the robot's floor."""
-
-
-@dataclass(frozen=True, eq=False)
-class AlignFloorPlan(BaseCommand, modes=ANYWHERE):
-    """Start to align the floor plan with the map by clicks; during an alignment, cancel it."""
-
-
-@dataclass(frozen=True, eq=False)
-class PointOnFloorPlan(BaseCommand, modes=ANYWHERE):
-    """Report the place on the floor plan of the node that was clicked last."""
-
-    place: tuple[float, float]
-    """Position (x, y) in metres, in the frame of the map."""
-
-
-@dataclass(frozen=True, eq=False)
-class UndoPlanClick(BaseCommand, modes=ANYWHERE):
-    """Undo the last click of the alignment."""
-
-
-@dataclass(frozen=True, eq=False)
-class UseAlignment(BaseCommand, modes=ANYWHERE):
-    """Use the alignment that fits the clicks."""
-
-
-@dataclass(frozen=True, eq=False)
-class ReportError(BaseCommand, modes=ANYWHERE):
+class ReportError:
     """Show a message in the page, about an error from outside the session, such as a broken upload."""
 
     text: str
 
 
-RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
-PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
-"""Commands for a running query or replay."""
-TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
-"""Commands that change the time on show, in a recording or in the live run's past."""
-DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
-WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
-"""Commands that change the simulated world."""
-FloorPlanCommand: TypeAlias = AlignFloorPlan | PointOnFloorPlan | UndoPlanClick | UseAlignment
-"""Commands that align the floor plan with the map."""
-OtherCommand: TypeAlias = (
-    StopRobot
-    | BuildMap
-    | UndoBuild
-    | ImportDrive
-    | FineTune
-    | StopFineTuning
-    | UseWeights
-    | DismissWeights
-    | ChooseGoal
-    | PickNode
-    | PickEdge
-    | NavigateTo
-    | NavigateToImage
-    | KeepGoing
-    | ShowLarger
-    | ShowFloor
-    | Cancel
-    | EndAction
-    | TakeOver
-    | EditMap
-    | ReportError
-)
-Command: TypeAlias = (
-    RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | FloorPlanCommand | OtherCommand
-)
+Command: TypeAlias = Ask | AskQuestion | PointAt | NavigateToImage | OpenRecording | Seek | EditMap | ReportError
 """All commands to the session; pyright reports each place that must handle a new one."""

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.wishes.commands import ChooseQuestion, CloseRecording, Command, Mode, OpenRecording, PointAt, Seek
+from ltvn_viz.wishes.commands import Action, Ask, Command, Mode, OpenRecording, PointAt, Seek
 from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
@@ -79,8 +79,8 @@ class DebuggerPage:
         self.settled()
 
     def _handled(self, command: Command | None, before: Inspection) -> bool:
-        if isinstance(command, ChooseQuestion):
-            return self.shown.question == command.name
+        if isinstance(command, Ask):
+            return self.shown.question == command.value
         if isinstance(command, PointAt):
             edge, node = self.shown.selection.edge, self.shown.selection.node
             return node == command.node if command.target is None else edge == (command.node, command.target)
@@ -94,7 +94,7 @@ class DebuggerPage:
     def go_to_the_robot(self) -> None:
         """Leave the recording, if one is open, and wait until the map is whole."""
         if self.is_replay:
-            self.app.session.send(CloseRecording())
+            self.app.session.send(Ask(Action.CLOSE))
             self.until(lambda: not self.is_replay)
         wait_for_rest(self.app)
 

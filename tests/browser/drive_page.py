@@ -18,7 +18,7 @@ from ltvn_viz.panels.status_panel import PANEL_MARK
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.wishes.wish_table import Action, Value
+from ltvn_viz.wishes.commands import Action, Value
 from tests.browser.pages import draw_nothing
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 

@@ -20,7 +20,7 @@ from ltvn_viz.session.goals import node_picture
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
+from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import FlatWorld, two_rooms
@@ -67,7 +67,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
             absence=lambda: server.presence.absence,
         )
         assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
-        parts = build_layout(server.viser, SessionPages(server, session), assets, FLOOR)
+        parts = build_layout(server, session.send, assets, FLOOR)
         painters.append(Painter(parts, server.viser.atomic))
         painters[0].start()
         server.listen(drive_listener(session))
@@ -100,7 +100,7 @@ def navigate_far(app: FlatApp) -> None:
     """
     graph = app.harness.now.moment.graph
     away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
-    app.session.send(c.NavigateTo(int(graph.ids[np.argmax(away)])))
+    app.session.send(c.Ask(c.Action.GOAL, int(graph.ids[np.argmax(away)])))
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page
 
 from ltvn_viz.server.driver_seat import DriverSeat, StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import Action
 from tests.browser.drive_page import FIELD, STOP_WITHIN_S, DrivePage, open_drive_page, quickest
 from tests.waiting import PATIENCE_S, until
 

@@ -40,12 +40,12 @@ def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
 def idle(app: FlatApp, page: Page) -> None:
     """Begin at the robot, with nothing under way and nothing being recorded."""
     # Not by the key: what is sent through the page might come when the test has begun something.
-    app.session.send(c.Cancel())
+    app.session.send(c.Ask(c.Action.CANCEL))
     until(lambda: app.session.mode in (Mode.TELEOP, Mode.REPLAY))
     if app.session.mode is Mode.REPLAY:
-        app.session.send(c.CloseRecording())
+        app.session.send(c.Ask(c.Action.CLOSE))
     if app.harness.state.live.recorder.is_on:
-        app.session.send(c.DiscardRecording())
+        app.session.send(c.Ask(c.Action.DISCARD))
     wait_for_rest(app)
     until_shown(app, lambda now: now.mode is Mode.TELEOP and now.recording.name is None)
 

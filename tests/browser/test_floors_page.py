@@ -35,17 +35,17 @@ def test_a_lift_is_written_down_waited_for_and_done(app: FlatApp, page: Page) ->
     wait_for_rest(app)
     harness = app.harness
     source, target = lift_ends(harness)
-    app.session.send(c.ChooseQuestion(QuestionName.HAND))
-    app.session.send(c.PickNode(source))
-    app.session.send(c.PickNode(target))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.HAND))
+    app.session.send(c.Ask(c.Action.PICK, source))
+    app.session.send(c.Ask(c.Action.PICK, target))
     page.get_by_role("tab", name="Why").click()
     page.locator("a, button", has_text="by an action").first.click()
     until_shown(app, lambda now: now.inspection.answer.input_hint.startswith("Action"))
     page.locator("input:not([readonly]):visible, textarea:visible").last.fill(LIFT)
     press(page, "Change the map", lambda: harness.now.floor is not None)
 
-    app.session.send(c.ChooseQuestion(QuestionName.NONE))
-    app.session.send(c.NavigateTo(nearest(harness, 5.0, 3.0)))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.NONE))
+    app.session.send(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)))
     until_shown(app, lambda now: now.waiting is not None)
     expect(page.get_by_text(f"waits at node {source}: {LIFT}").first).to_be_visible()
     there = harness.state.live_map.keyframes.observation(target).exact_pose

@@ -132,7 +132,7 @@ def test_a_number_typed_into_the_palette_is_the_goal_and_an_unknown_one_moves_no
 def test_the_robot_is_stopped_by_the_palette_of_a_page_that_only_watches(
     app: FlatApp, page: Page, chromium: Browser
 ) -> None:
-    app.session.send(c.NavigateTo(max(int(node) for node in app.harness.now.moment.graph.ids)))
+    app.session.send(c.Ask(c.Action.GOAL, max(int(node) for node in app.harness.now.moment.graph.ids)))
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as other:
         other.get_by_text("Next:").wait_for()

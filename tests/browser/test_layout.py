@@ -330,7 +330,7 @@ def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser)
 def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatApp, page: Page) -> None:
     wait_for_rest(app)
     navigate_far(app)
-    app.session.send(c.Pause())
+    app.session.send(c.Ask(c.Action.PAUSE))
     try:
         expect(page.locator(".ltvn-status")).to_contain_text("The robot is paused on its path to node")
         for width, height in ((390, 844), (820, 1180), (1100, 700)):
@@ -342,7 +342,7 @@ def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatAp
             )
             assert page.locator("#ltvn-colour").evaluate("picture => picture.clientWidth") >= LEAST_SCENE_PX
     finally:
-        app.session.send(c.Cancel())
+        app.session.send(c.Ask(c.Action.CANCEL))
         wait_for_rest(app)
 
 
@@ -374,5 +374,5 @@ def test_choosing_a_goal_moves_neither_the_pad_nor_the_goals(app: FlatApp, page:
     navigate_far(app)
     page.get_by_role("group", name="On the way").locator("img").first.wait_for()
     after = [part.bounding_box() for part in parts]
-    app.session.send(c.Cancel())
+    app.session.send(c.Ask(c.Action.CANCEL))
     assert [box and box["y"] for box in after] == [box and box["y"] for box in before]

@@ -12,7 +12,7 @@ from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import link
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.wishes.commands import CloseRecording, Mode
+from ltvn_viz.wishes.commands import Action, Ask, Mode
 from tests.browser.actions import wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
@@ -40,7 +40,7 @@ def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
         yield page
     # The next link asks for the same: only what is not on show any more can be seen to come.
     if app.session.mode is Mode.REPLAY:
-        app.session.send(CloseRecording())
+        app.session.send(Ask(Action.CLOSE))
     wait_for_rest(app)
     until_shown(app, lambda now: now.replay is None)
 

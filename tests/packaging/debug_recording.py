@@ -56,7 +56,7 @@ def main(recording: Path) -> dict[str, str]:
         answers = {}
         for question in opened.inspection.offered:
             if question != QuestionName.NONE:
-                answers[question] = _text(act(c.ChooseQuestion(question), *_one_edge(opened)))
+                answers[question] = _text(act(c.Ask(c.Action.QUESTION, question), *_one_edge(opened)))
     return answers
 
 

@@ -20,7 +20,8 @@ from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Direction
 from ltvn_viz.server.page_messages import read_viser_message
-from ltvn_viz.wishes.wish_table import WISHES, Action
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import WISHES
 
 WATCHERS_OWN = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE})
 """A watcher may do this, and it is meant to change something for all."""

@@ -18,7 +18,7 @@ from websockets.sync.connection import Connection
 
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.limits import Pace
-from ltvn_viz.wishes.wish_table import Value
+from ltvn_viz.wishes.commands import Value
 from tests.waiting import PATIENCE_S, until
 
 ANY_PACE = Pace(messages_per_s=1e9, messages_at_once=1e9, bytes_per_s=1e12, bytes_at_once=1e12)

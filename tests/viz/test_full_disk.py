@@ -18,7 +18,7 @@ import os, resource, signal, sys, threading
 from pathlib import Path
 from ltvn_viz.app import AppOptions, open_app
 from ltvn_viz.server.guarded_server import stop_on_signals
-from ltvn_viz.wishes.commands import StartRecording
+from ltvn_viz.wishes.commands import Action, Ask
 from tests.waiting import until
 
 def watch(app):
@@ -32,7 +32,7 @@ def watch(app):
 with open_app(AppOptions(port=0, recordings=Path(sys.argv[1]))) as app, stop_on_signals(app.session.stop):
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[2]),))
-    app.session.send(StartRecording())
+    app.session.send(Ask(Action.RECORD))
     threading.Thread(target=watch, args=[app]).start()
     app.session.run()
 print("ended", flush=True)

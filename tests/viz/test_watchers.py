@@ -15,8 +15,7 @@ import pytest
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import Action, Mode
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.core.data.importing.plan_files import laid_room
 from tests.viz.hostile_messages import HostileMessages, targets_of

@@ -26,4 +26,6 @@ def links(snapshot: Snapshot) -> list[tuple[int, str]]:
 
 def follow(harness: SessionHarness, snapshot: Snapshot, label: str, *, ticks: int = 3) -> Snapshot:
     """Follow the first link whose label holds some words; raises StopIteration where there is none."""
-    return harness.do(c.FollowLink(next(number for number, text in links(snapshot) if label in text)), ticks=ticks)
+    return harness.do(
+        c.Ask(c.Action.FOLLOW, next(number for number, text in links(snapshot) if label in text)), ticks=ticks
+    )

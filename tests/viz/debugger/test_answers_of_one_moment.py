@@ -75,7 +75,7 @@ class ReplayedFile(AppSession):
         return question in self.now.inspection.offered
 
     def answer(self, question: QuestionName) -> Answer:
-        shown = self.do(c.ChooseQuestion(question), ticks=3)
+        shown = self.do(c.Ask(c.Action.QUESTION, question), ticks=3)
         for _ in range(60):
             if not shown.inspection.answer.answer.is_pending:
                 break
@@ -97,10 +97,10 @@ class ReplayedFile(AppSession):
         return [row for row in self.rows(question) if row[0] == f"{edge[0]} → {edge[1]}"]
 
     def compare_with_the_beginning(self) -> None:
-        offered = self.do(c.ChooseQuestion(QuestionName.COMPARE), ticks=3)
+        offered = self.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE), ticks=3)
         found = [number for number, label in links(offered) if label == BEFORE_FIRST_QUERY]
         if found:
-            self.do(c.FollowLink(found[0]), ticks=3)
+            self.do(c.Ask(c.Action.FOLLOW, found[0]), ticks=3)
 
 
 @pytest.fixture(scope="module", params=EDGES)
@@ -286,21 +286,21 @@ def _times(answer: Answer) -> Iterator[float]:
 def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> None:
     harness = open_harness(tmp_path)
     nodes = sorted(harness.state.live_map.graph.nodes)
-    harness.do(c.NavigateTo(nodes[-1]))
+    harness.do(c.Ask(c.Action.GOAL, nodes[-1]))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     plan = max((each.planned.nodes for each in harness.state.live.timeline.plans), key=len)
-    harness.do(c.NavigateTo(plan[0]))
+    harness.do(c.Ask(c.Action.GOAL, plan[0]))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     edge = plan[0], plan[1]
     for at_s, present in ((9 * HOUR, False), (9.1 * HOUR, True), (9.2 * HOUR, False)):
         see(harness, edge, at_s, present=present)
         harness.wait(5)
-    harness.do(c.NavigateTo(nodes[-1]))
+    harness.do(c.Ask(c.Action.GOAL, nodes[-1]))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     harness.do(c.PointAt(*edge))
     run, seen = harness.state.live.timeline, set()
     for stamp in sorted({run.instant(number).stamp for number in range(len(run.events))})[::3]:
-        shown = harness.do(c.Seek(stamp - run.start_s), c.ChooseQuestion(QuestionName.EDGE), ticks=4)
+        shown = harness.do(c.Seek(stamp - run.start_s), c.Ask(c.Action.QUESTION, QuestionName.EDGE), ticks=4)
         before = run.events[: run.count_until(run.instant_at(shown.moment.stamp))]
         looks = sum(isinstance(_delta(each.event), PresenceObserved) for each in before)
         begun = {each.event.query for each in before if isinstance(each.event, e.QueryStarted)}

@@ -38,20 +38,20 @@ STORY: list[e.Event] = [
 @pytest.fixture
 def harness(harness: SessionHarness) -> SessionHarness:
     """A live map of one room with the breakpoints on show."""
-    harness.do(c.ChooseQuestion(QuestionName.BREAK))
+    harness.do(c.Ask(c.Action.QUESTION, QuestionName.BREAK))
     return harness
 
 
 def driven(harness: SessionHarness) -> str:
     """Record a drive through the room and return the recording's name."""
-    harness.do(c.StartRecording(), c.NavigateTo(harness.far_node))
+    harness.do(c.Ask(c.Action.RECORD), c.Ask(c.Action.GOAL, harness.far_node))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     return harness.writers[-1].path.name
 
 
 def played(harness: SessionHarness) -> Snapshot:
-    harness.do(c.Pause())
+    harness.do(c.Ask(c.Action.PAUSE))
     return harness.until(lambda snapshot: snapshot.replay is not None and not snapshot.replay.playing)
 
 
@@ -89,8 +89,8 @@ def test_a_breakpoint_stops_there_and_nowhere_else_live_and_in_a_recording(
 
 def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harness: SessionHarness) -> None:
     goal = harness.far_node
-    follow(harness, harness.do(c.PickNode(goal)), f"new query at node {goal}")
-    harness.do(c.NavigateTo(goal))
+    follow(harness, harness.do(c.Ask(c.Action.PICK, goal)), f"new query at node {goal}")
+    harness.do(c.Ask(c.Action.GOAL, goal))
     held = harness.until(lambda snapshot: snapshot.mode is not Mode.NAVIGATING)
     assert held.mode is Mode.PAUSED
     assert f"node {goal} is the goal" in said(held)
@@ -99,10 +99,10 @@ def test_a_query_is_held_where_a_breakpoint_is_met_and_the_page_says_which(harne
 
 def test_a_held_query_goes_on_to_its_end_when_it_is_let_go(harness: SessionHarness) -> None:
     follow(harness, harness.do(ticks=2), "new query")
-    harness.do(c.NavigateTo(harness.far_node))
+    harness.do(c.Ask(c.Action.GOAL, harness.far_node))
     held = harness.until(lambda snapshot: snapshot.mode is Mode.PAUSED)
     follow(harness, held, "remove", ticks=1)
-    harness.do(c.Pause())
+    harness.do(c.Ask(c.Action.PAUSE))
     ended = harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     assert ended.moment.progress.ended is not None
 
@@ -116,13 +116,13 @@ def test_breakpoints_are_taken_away_one_by_one_by_their_links(harness: SessionHa
 
 
 def test_nothing_is_typed_to_set_a_breakpoint(harness: SessionHarness) -> None:
-    shown = harness.do(c.SubmitText("prune"))
+    shown = harness.do(c.Ask(c.Action.TELL, "prune"))
     assert not shown.inspection.answer.input_hint
     assert "follow a link" in said(shown)
 
 
 def test_a_breakpoint_finds_what_the_live_run_met_before_it_was_set(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(harness.far_node))
+    harness.do(c.Ask(c.Action.GOAL, harness.far_node))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     shown = follow(harness, harness.do(ticks=2), "end of a query")
     assert "Met once" in words(shown)

@@ -58,7 +58,7 @@ def colours(snapshot: Snapshot) -> set[palette.Rgb8]:
 
 
 def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness) -> None:
-    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE))
     shown = follow(demo, "demo-map.rrd")
     assert "nodes are in both, matched by their pose" in words(shown)
     assert (
@@ -74,7 +74,7 @@ def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness)
 
 
 def test_a_run_is_compared_with_what_its_map_was_before_it_learned(demo: SessionHarness) -> None:
-    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE))
     shown = follow(demo, f"{BEFORE_FIRST_QUERY}")
     assert "matched by their id" in words(shown)
     assert palette.PLAN in colours(shown)
@@ -82,11 +82,11 @@ def test_a_run_is_compared_with_what_its_map_was_before_it_learned(demo: Session
 
 
 def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_words(demo: SessionHarness) -> None:
-    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
-    demo.do(c.SubmitText("gone.rrd"))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE))
+    demo.do(c.Ask(c.Action.TELL, "gone.rrd"))
     assert "gone.rrd" in said(demo.now)
     (demo.library.folder / "holiday.rrd").write_bytes(b"not a recording")
-    shown = demo.do(c.SubmitText("holiday.rrd"), ticks=3)
+    shown = demo.do(c.Ask(c.Action.TELL, "holiday.rrd"), ticks=3)
     assert "holiday.rrd" in words(shown)
     assert shown.mode is Mode.REPLAY
     assert "demo-map.rrd" in words(follow(demo, "choose another"))
@@ -95,14 +95,14 @@ def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_word
 def test_maps_of_different_scenes_are_compared_by_metrics_alone(tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path)
     shutil.copy(DEMO_MAP, tmp_path / "demo-map.rrd")
-    harness.do(c.ChooseQuestion(QuestionName.COMPARE))
-    shown = harness.do(c.SubmitText("demo-map.rrd"), ticks=3)
+    harness.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE))
+    shown = harness.do(c.Ask(c.Action.TELL, "demo-map.rrd"), ticks=3)
     assert "different scenes" in words(shown)
     assert "the live run" in words(shown)
 
 
 def test_the_truth_of_the_demo_is_told_with_strokes(demo: SessionHarness) -> None:
-    shown = demo.do(c.ChooseQuestion(QuestionName.TRUTH), ticks=3)
+    shown = demo.do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
     assert "of the edges can be driven" in words(shown)
     assert re.search(r"p said on average that \d+% succeed; the robot took \d+% for successes", words(shown))
     assert colours(shown) <= {palette.EDGE_REMOVED, palette.EDGE_ADDED}
@@ -123,21 +123,21 @@ def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:
 
 
 def test_a_truth_whose_scene_is_gone_is_said_in_words(tmp_path: Path) -> None:
-    shown = SessionHarness(tmp_path).do(c.ChooseQuestion(QuestionName.TRUTH), ticks=3)
+    shown = SessionHarness(tmp_path).do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
     assert "no scene 'flat'" in words(shown)
     assert shown.message is None
 
 
 def test_the_live_run_says_how_it_can_be_shared(tmp_path: Path) -> None:
-    assert "press R" in words(SessionHarness(tmp_path).do(c.ChooseQuestion(QuestionName.SHARE)))
+    assert "press R" in words(SessionHarness(tmp_path).do(c.Ask(c.Action.QUESTION, QuestionName.SHARE)))
 
 
 def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) -> None:
     source, target = next(iter(demo.inspector.context(demo.state, demo.now.moment).graph.edges))
-    shown = demo.do(c.ChooseQuestion(QuestionName.SHARE), c.PointAt(source, target), c.Seek(3.0), ticks=2)
+    shown = demo.do(c.Ask(c.Action.QUESTION, QuestionName.SHARE), c.PointAt(source, target), c.Seek(3.0), ticks=2)
     copied = next(each for each in pieces(shown) if isinstance(each, Copyable))
     assert copied.text in [each.url for each in pieces(shown) if isinstance(each, Address)]
-    demo.do(c.Seek(0.0), c.ChooseQuestion(""), c.PointAt(source))
+    demo.do(c.Seek(0.0), c.Ask(c.Action.QUESTION, ""), c.PointAt(source))
     again = demo.do(*commands_from_link(copied.text.removeprefix("/?")), ticks=2)
     assert again.replay is not None
     assert np.isclose(again.replay.time_s, 3.0, atol=0.011)
@@ -154,7 +154,7 @@ def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(de
 
 @pytest.mark.slow
 def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo: SessionHarness) -> None:
-    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.SHARE))
     before = set(demo.library.folder.iterdir())
     shown = follow(demo, ShareAction.SAVE_EXCERPT)
     assert "moment-demo-drive" in words(shown)
@@ -169,7 +169,7 @@ def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo:
 
 def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(demo: SessionHarness) -> None:
     demo.state.alignment = FloorPlanClicks(laid_room())
-    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.SHARE))
     shown = follow(demo, ShareAction.SAVE_MAP)
     page, figure = (
         next(demo.library.folder.glob(f"map-*{end}")).read_text(encoding="utf-8") for end in (".html", ".svg")
@@ -184,7 +184,7 @@ def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(de
 
 def test_rerun_is_opened_by_a_link_and_a_failure_is_said_in_words(demo: SessionHarness) -> None:
     demo.state.rerun = lambda path: f"http://127.0.0.1:1/{path.name}"
-    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    demo.do(c.Ask(c.Action.QUESTION, QuestionName.SHARE))
     opened = follow(demo, ShareAction.OPEN_IN_RERUN)
     addresses = [each.url for each in pieces(opened) if isinstance(each, Address) and each.in_new_tab]
     assert addresses == ["http://127.0.0.1:1/demo-drive.rrd"]

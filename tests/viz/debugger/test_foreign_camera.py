@@ -50,7 +50,7 @@ def test_a_place_is_looked_for_as_its_map_was_made_whatever_the_app_was_opened_f
     with ExitStack() as stack:
         options = AppOptions(scene="a real house", recordings=folder, replay=opened_with, predictor=predictor)
         page = AppSession(stack, options)
-        asked = c.OpenRecording("run.rrd", at_s=1e4), c.ChooseQuestion(QuestionName.WHERE)
+        asked = c.OpenRecording("run.rrd", at_s=1e4), c.Ask(c.Action.QUESTION, QuestionName.WHERE)
         told = words(page.do(*asked, ticks=12))
         assert "near enough" in told
         assert ("recorded with other weights" in told) == (predictor == "network")

@@ -113,9 +113,9 @@ def test_a_question_with_a_wrong_attribute_is_named_and_left_out(name: str, capl
 def test_what_goes_wrong_in_a_question_is_its_answer(harness: SessionHarness, name: str, said: str) -> None:
     asked = [*installed_questions(plugins(name, "Sound"))]
     harness.state.debugger = Inspector(asked, harness.state.worker)
-    shown = harness.do(c.ChooseQuestion(f"{name}?"), ticks=2)
+    shown = harness.do(c.Ask(c.Action.QUESTION, f"{name}?"), ticks=2)
     assert said in answer_text(shown.inspection.answer.answer)
-    shown = harness.do(c.ChooseQuestion("Sound?"), ticks=2)
+    shown = harness.do(c.Ask(c.Action.QUESTION, "Sound?"), ticks=2)
     assert "all is well" in answer_text(shown.inspection.answer.answer)
 
 

@@ -15,10 +15,11 @@ from ltvn_core.types import CONTROL_STEP_S
 from ltvn_viz.session.activities.playback import Playback, open_replay
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.seeking import seek_mark
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import Action, command_for
+from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.wish_table import command_for
 from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import answer_of, follow, words
 from tests.viz.session_harness import SessionHarness, said
@@ -76,7 +77,7 @@ def past(tmp_path: Path) -> Past:
 
 
 def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(past: Past) -> None:
-    told = words(past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned)))
+    told = words(past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned)))
     assert "Why is it gone?" in told
     assert told.index("was added") < told.index("Attempt 1 in query 1 failed") < told.index("It was pruned after")
     assert "too <far>" in told
@@ -84,7 +85,7 @@ def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(pas
 
 
 def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past: Past) -> None:
-    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned))
+    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned))
     told = words(past.do(c.Seek(past.seconds(past.begins_s))))
     assert "Why is p =" in told
     assert "Later it is removed" in told
@@ -94,27 +95,32 @@ def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past
 def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_the_network(past: Past) -> None:
     nodes = list(past.state.live_map.graph.nodes)
     source, target = nodes[0], nodes[-1]
-    past.do(c.ChooseQuestion(QuestionName.EDGE))
-    told = words(past.do(c.SubmitText(f"{source} {target}"), ticks=3))
+    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE))
+    told = words(past.do(c.Ask(c.Action.TELL, f"{source} {target}"), ticks=3))
     assert "Why is it missing?" in told
     assert "The network would" in told
-    assert past.do(c.SubmitText("three")).message is not None
+    assert past.do(c.Ask(c.Action.TELL, "three")).message is not None
 
 
 def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what_was_pruned(past: Past) -> None:
     nodes = list(past.state.live_map.graph.nodes)
-    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(nodes[-1]), c.PickNode(past.pruned[0]))
+    past.do(
+        c.Ask(c.Action.QUESTION, QuestionName.EDGE),
+        c.Ask(c.Action.PICK, nodes[-1]),
+        c.Ask(c.Action.PICK, past.pruned[0]),
+    )
     assert "Why is node" in words(past.now)
     assert "Edges that were pruned here" in words(past.now)
     assert "There has never been" in words(follow(past, past.now, "Why is there no edge"))
 
 
 def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -> None:
-    counted = past.do(c.ChooseQuestion(QuestionName.TIME))
+    counted = past.do(c.Ask(c.Action.QUESTION, QuestionName.TIME))
     assert counted.inspection.answer.overlay.nodes == {90_000: palette.EDGE_ADDED}
     assert len(counted.inspection.answer.overlay.strokes) == 1
     assert any(isinstance(block, LaneChart) for block in answer_of(counted).blocks)
-    before = past.do(c.SeekMark(MarkKind.PRUNE, forwards=False))
+    seek_mark(past.state, MarkKind.PRUNE, forwards=False)
+    before = past.wait()
     assert before.moment.stamp == pytest.approx(past.pruned_s, abs=1e-3)
     assert before.inspection.answer.overlay.nodes == {}
     assert len(before.inspection.answer.overlay.strokes) == 1
@@ -136,13 +142,13 @@ def test_keys_go_from_query_to_query_and_from_event_to_event_and_back_to_now(pas
 
 
 def test_where_there_is_nothing_before_the_page_says_so(past: Past) -> None:
-    past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False), c.SeekMark(MarkKind.QUERY_START, forwards=False))
-    shown = past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False))
+    past.do(c.Ask(c.Action.QUERY_BEFORE), c.Ask(c.Action.QUERY_BEFORE))
+    shown = past.do(c.Ask(c.Action.QUERY_BEFORE))
     assert "no query before" in said(shown)
 
 
 def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> None:
-    listed = past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+    listed = past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2)
     assert "1 of 2 queries failed" in words(listed)
     assert "Later" not in words(listed)
     assert len(listed.inspection.answer.overlay.strokes) == 1
@@ -153,7 +159,7 @@ def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> 
 
 def test_before_a_query_failed_its_failure_is_told_in_one_line_apart(past: Past) -> None:
     past.do(c.Seek(past.seconds(past.wrong_s) - 1.0))
-    shown = past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+    shown = past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2)
     told = answer_text(shown.inspection.answer.answer).splitlines()
     assert [line for line in told if "fail" in line and not line.startswith("Later in this run: ")] == []
     assert sum(line.startswith("Later in this run: query 1 fails") for line in told) == 1
@@ -161,22 +167,23 @@ def test_before_a_query_failed_its_failure_is_told_in_one_line_apart(past: Past)
 
 
 def test_failures_can_be_narrowed_down_to_one_cause(past: Past) -> None:
-    past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+    past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2)
     follow(past, past.now, "1")
     assert "show all" in words(past.now)
     assert "show all" not in words(follow(past, past.now, "show all"))
-    assert past.do(c.SubmitText("bad luck")).message is not None
+    assert past.do(c.Ask(c.Action.TELL, "bad luck")).message is not None
 
 
 def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
-    past.do(c.StartRecording())
+    past.do(c.Ask(c.Action.RECORD))
     writer = past.writers[-1]
     writer.events.extend(past.state.live.timeline.events[-40:])
-    past.do(c.KeepRecording(), c.OpenRecording(writer.path.name), ticks=2)
+    past.do(c.Ask(c.Action.KEEP), c.OpenRecording(writer.path.name), ticks=2)
     assert past.now.mode is Mode.REPLAY
-    past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.TIME))
+    seek_mark(past.state, MarkKind.PRUNE, forwards=True)
+    past.do(c.Ask(c.Action.QUESTION, QuestionName.TIME))
     assert len(past.now.inspection.answer.overlay.strokes) == 1
-    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned))
+    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned))
     assert "Why is it gone?" in words(past.now)
 
 
@@ -187,7 +194,7 @@ def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past:
         if query == 16:
             past.happens(e.GraphChanged(d.EdgePruned(*past.kept, d.Cause.ATTEMPT), query))
         past.happens(e.QueryEnded(query, goal, e.Outcome.ARRIVED if query < 15 else e.Outcome.LOST, 10, 0, 1.0))
-    told = words(past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2))
+    told = words(past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2))
     assert "Dip: success fell by 100 % from query 14 to query 24" in told
     assert "1 edges were removed" in told
     assert f"{past.kept[0]} → {past.kept[1]} pruned" in told
@@ -203,11 +210,16 @@ def test_every_kind_of_mark_is_reached_forwards_and_backwards(past: Past, faulty
     past.state.open_replay = lambda _: faulty
     past.do(c.OpenRecording("demo-fault.rrd"), ticks=2)
     index = past.state.shown_run
+
+    def go(kind: MarkKind, *, forwards: bool) -> float:
+        seek_mark(past.state, kind, forwards=forwards)
+        return past.wait().moment.stamp
+
     for kind in {mark.kind for mark in index.marks} - {MarkKind.MAP}:
         stamps = sorted({mark.instant.stamp for mark in index.marks_until(None, kind)})
         begin = past.do(c.Seek(0.0)).moment.stamp
         ahead = [stamp for stamp in stamps if stamp > begin]
-        there = [past.do(c.SeekMark(kind, forwards=True)).moment.stamp for _ in ahead]
-        back = [past.do(c.SeekMark(kind, forwards=False)).moment.stamp for _ in stamps[1:]]
+        there = [go(kind, forwards=True) for _ in ahead]
+        back = [go(kind, forwards=False) for _ in stamps[1:]]
         assert there == pytest.approx(ahead, abs=1e-3)
         assert back == pytest.approx(stamps[-2::-1], abs=1e-3)

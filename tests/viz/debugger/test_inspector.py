@@ -54,7 +54,7 @@ def own(harness: SessionHarness) -> SessionHarness:
 
 
 def test_a_question_of_ones_own_is_offered_and_answers(own: SessionHarness) -> None:
-    shown = own.do(c.ChooseQuestion("How many nodes?"), ticks=2)
+    shown = own.do(c.Ask(c.Action.QUESTION, "How many nodes?"), ticks=2)
     assert shown.inspection.offered == (QuestionName.NONE, "How many nodes?")
     assert f"{len(own.state.live_map.graph.nodes)} nodes, counted 1 times" in words(shown)
     assert "counted 2 times" in words(follow(own, shown, "count again"))
@@ -76,7 +76,7 @@ def test_the_example_of_a_question_shows_the_edges_that_are_believed_in_least(tm
     harness = SessionHarness(tmp_path)
     example = run_path(str(ROOT / "examples" / "08_add_a_debugger_question.py"))["DoubtfulEdgesQuestion"]
     harness.state.debugger = Inspector([example()], harness.state.worker)
-    shown = harness.do(c.ChooseQuestion("Doubtful edges?"), ticks=2)
+    shown = harness.do(c.Ask(c.Action.QUESTION, "Doubtful edges?"), ticks=2)
     least = min(harness.state.live_map.graph.edges.values(), key=lambda edge: edge.belief.p)
     assert f"p = {least.belief.p:.2f} after {least.attempts} attempts" in words(shown)
     assert shown.inspection.answer.overlay.strokes
@@ -88,8 +88,8 @@ def test_a_link_leads_to_a_question_of_ones_own_by_its_word(own: SessionHarness)
 
 
 def test_a_question_that_takes_no_text_says_so(own: SessionHarness) -> None:
-    own.do(c.ChooseQuestion("How many nodes?"))
-    shown = own.do(c.SubmitText("forty?"))
+    own.do(c.Ask(c.Action.QUESTION, "How many nodes?"))
+    shown = own.do(c.Ask(c.Action.TELL, "forty?"))
     assert "Nothing can be typed here" in said(shown)
 
 
@@ -110,7 +110,7 @@ def link_numbers(snapshot: Snapshot) -> list[int]:
 
 def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: SessionHarness) -> None:
     source, _ = harness.an_edge
-    snapshot = harness.do(c.PickNode(source))
+    snapshot = harness.do(c.Ask(c.Action.PICK, source))
     assert snapshot.inspection.question is QuestionName.NONE
     assert snapshot.inspection.html == ""
     assert snapshot.mode is Mode.NAVIGATING
@@ -118,8 +118,8 @@ def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: Sess
 
 def test_with_a_question_clicks_on_a_node_and_its_neighbour_ask_about_the_edge_between(harness: SessionHarness) -> None:
     source, target = harness.an_edge
-    harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(source))
-    snapshot = harness.do(c.PickNode(target))
+    harness.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.Ask(c.Action.PICK, source))
+    snapshot = harness.do(c.Ask(c.Action.PICK, target))
     assert snapshot.mode is Mode.TELEOP
     assert snapshot.inspection.selection.edge == (source, target)
     assert f"{source} → {target}" in words(snapshot)
@@ -129,10 +129,10 @@ def test_with_a_question_clicks_on_a_node_and_its_neighbour_ask_about_the_edge_b
 
 def test_a_link_of_a_view_that_was_just_replaced_leads_where_it_said(harness: SessionHarness) -> None:
     source, target = harness.an_edge
-    shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(source, target))
+    shown = harness.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(source, target))
     back = link_numbers(shown)[0]
-    turned = harness.do(c.FollowLink(back))
-    again = harness.do(c.FollowLink(back))
+    turned = harness.do(c.Ask(c.Action.FOLLOW, back))
+    again = harness.do(c.Ask(c.Action.FOLLOW, back))
     assert turned.inspection.selection.edge == (target, source)
     assert again.inspection.selection.edge == (target, source)
     assert again.message is None
@@ -141,14 +141,14 @@ def test_a_link_of_a_view_that_was_just_replaced_leads_where_it_said(harness: Se
 
 def test_a_link_of_another_question_says_that_it_is_gone(harness: SessionHarness) -> None:
     source, target = harness.an_edge
-    shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(source, target))
-    gone = harness.do(c.ChooseQuestion(QuestionName.TIME), c.FollowLink(link_numbers(shown)[0]))
+    shown = harness.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(source, target))
+    gone = harness.do(c.Ask(c.Action.QUESTION, QuestionName.TIME), c.Ask(c.Action.FOLLOW, link_numbers(shown)[0]))
     assert gone.inspection.selection.edge == (source, target)
     assert "replaced before your click arrived" in said(gone)
 
 
 def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionHarness) -> None:
-    harness.do(c.PickNode(max(harness.state.live_map.graph.nodes)))
+    harness.do(c.Ask(c.Action.PICK, max(harness.state.live_map.graph.nodes)))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = harness.now.moment.stamp
     before = harness.do(c.Seek(0.2))
@@ -158,5 +158,5 @@ def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionH
 
 
 def test_text_that_no_question_asked_for_are_answered_with_what_to_do(harness: SessionHarness) -> None:
-    snapshot = harness.do(c.SubmitText("hello"))
+    snapshot = harness.do(c.Ask(c.Action.TELL, "hello"))
     assert "Choose a question first" in said(snapshot)

@@ -25,7 +25,7 @@ from tests.viz.session_harness import SessionHarness
 @pytest.fixture
 def harness(harness: SessionHarness) -> SessionHarness:
     """A live map of one room with the tool on show."""
-    harness.do(c.ChooseQuestion(QuestionName.WHERE), ticks=5)
+    harness.do(c.Ask(c.Action.QUESTION, QuestionName.WHERE), ticks=5)
     return harness
 
 
@@ -42,7 +42,7 @@ def test_the_node_at_the_robot_is_the_best_and_the_lightest(harness: SessionHarn
 
 
 def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(max(harness.state.live_map.graph.nodes)))
+    harness.do(c.Ask(c.Action.GOAL, max(harness.state.live_map.graph.nodes)))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = harness.now.moment.stamp
     shown = harness.until(lambda snapshot: "Smallest" in words(snapshot))
@@ -69,7 +69,7 @@ def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
 def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared() -> None:
     with ExitStack() as stack:
         page = AppSession(stack, AppOptions(recordings=RECORDINGS, replay=DEMO_DRIVE.name))
-        page.do(c.OpenRecording(DEMO_DRIVE.name, at_s=150.0), c.ChooseQuestion(QuestionName.WHERE), ticks=40)
+        page.do(c.OpenRecording(DEMO_DRIVE.name, at_s=150.0), c.Ask(c.Action.QUESTION, QuestionName.WHERE), ticks=40)
     replayed = page.shown
     last = replayed[-1]
     reading = [each for each in replayed if "left …" in words(each)]

@@ -17,7 +17,7 @@ from tests.viz.session_harness import SessionHarness, said
 @pytest.fixture
 def harness(harness: SessionHarness) -> SessionHarness:
     """A live map of one room with the tool on show."""
-    harness.do(c.ChooseQuestion(QuestionName.WHAT_IF))
+    harness.do(c.Ask(c.Action.QUESTION, QuestionName.WHAT_IF))
     return harness
 
 
@@ -34,11 +34,16 @@ def across(harness: SessionHarness) -> tuple[int, int]:
 
 def test_without_an_edge_of_the_plan_the_other_way_is_drawn_and_priced(harness: SessionHarness) -> None:
     start, goal = across(harness)
-    harness.do(c.SubmitText(f"from {start}"), c.SubmitText(f"goal {goal}"), c.SubmitText("belief weight = 0"), ticks=3)
+    harness.do(
+        c.Ask(c.Action.TELL, f"from {start}"),
+        c.Ask(c.Action.TELL, f"goal {goal}"),
+        c.Ask(c.Action.TELL, "belief weight = 0"),
+        ticks=3,
+    )
     before = harness.state.live_map.graph.copy()
     path = plan_on_show(harness.now)
     source, target = path[1]
-    shown = harness.do(c.SubmitText(f"without {source}->{target}"), ticks=3)
+    shown = harness.do(c.Ask(c.Action.TELL, f"without {source}->{target}"), ticks=3)
     assert "instead of" in words(shown)
     assert f"{source} → {target}" in words(shown)
     assert palette.PLAN in {stroke.colour for stroke in shown.inspection.answer.overlay.strokes}
@@ -55,7 +60,7 @@ def plan_on_show(snapshot: Snapshot) -> list[tuple[int, int]]:
 
 def test_the_edge_of_two_clicked_nodes_can_be_imagined_by_links(harness: SessionHarness) -> None:
     source, target = harness.an_edge
-    shown = harness.do(c.PickNode(source), c.PickNode(target))
+    shown = harness.do(c.Ask(c.Action.PICK, source), c.Ask(c.Action.PICK, target))
     shown = follow(harness, shown, f"p({source}->{target}) = 0.1")
     forgotten = follow(harness, shown, "forget")
     assert Strong(f"p({source}->{target}) = 0.1") in strong(shown)
@@ -66,19 +71,19 @@ def test_an_edge_that_is_not_in_the_map_can_be_imagined_in(harness: SessionHarne
     graph = harness.state.live_map.graph
     pairs = itertools.combinations(sorted(graph.nodes), 2)
     source, target = next(pair for pair in pairs if pair not in graph.edges)
-    shown = harness.do(c.PickNode(source), c.PickNode(target))
+    shown = harness.do(c.Ask(c.Action.PICK, source), c.Ask(c.Action.PICK, target))
     shown = follow(harness, shown, f"with {source}->{target}")
     assert Strong(f"with {source}->{target}") in strong(shown)
     assert (source, target) not in harness.state.live_map.graph.edges
 
 
 def test_what_nobody_can_imagine_is_answered_with_what_one_can(harness: SessionHarness) -> None:
-    shown = harness.do(c.SubmitText("R_q = 0.3"))
+    shown = harness.do(c.Ask(c.Action.TELL, "R_q = 0.3"))
     assert "R_p = 1.3" in said(shown)
 
 
 def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(harness: SessionHarness) -> None:
-    shown = harness.do(c.SubmitText("goal 987654"), ticks=3)
+    shown = harness.do(c.Ask(c.Action.TELL, "goal 987654"), ticks=3)
     assert "987654 is not in the map" in words(shown)
     assert "987654" not in words(follow(harness, shown, "forget"))
 
@@ -94,13 +99,13 @@ def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(harness: Ses
 )
 def test_a_replay_is_planned_by_the_system_that_its_recording_names(tmp_path: Path, system: str, said: str) -> None:
     harness = SessionHarness(tmp_path)
-    harness.do(c.StartRecording(), c.KeepRecording())
+    harness.do(c.Ask(c.Action.RECORD), c.Ask(c.Action.KEEP))
     replay = harness.open_replay(harness.writers[-1].path.name)
     replay.system = system
     harness.state.open_replay = lambda _: replay
     start, goal = across(harness)
-    harness.do(c.OpenRecording(replay.name, 1e9), c.ChooseQuestion(QuestionName.WHAT_IF), ticks=3)
-    shown = harness.do(c.SubmitText(f"from {start}"), c.SubmitText(f"goal {goal}"), ticks=3)
+    harness.do(c.OpenRecording(replay.name, 1e9), c.Ask(c.Action.QUESTION, QuestionName.WHAT_IF), ticks=3)
+    shown = harness.do(c.Ask(c.Action.TELL, f"from {start}"), c.Ask(c.Action.TELL, f"goal {goal}"), ticks=3)
     assert said in words(shown)
     assert ("use the edge costs of" in words(shown)) == bool(said)
     assert " nodes at cost " in words(shown)

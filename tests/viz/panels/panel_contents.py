@@ -4,7 +4,7 @@ import viser
 
 from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import Action
 
 
 def nothing(_: c.Command | bytes) -> None:

@@ -10,9 +10,8 @@ import viser
 
 from ltvn_viz.panels.command_palette import CommandPalette, list_stop
 from ltvn_viz.session.snapshot import BoxView, DoorView, Snapshot, WorldView
-from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.wish_table import WISHES
 
 
 @pytest.fixture
@@ -93,9 +92,9 @@ def test_what_makes_no_sense_now_is_grey_and_says_why(server: viser.ViserServer,
         palette.show(replace(snapshot, mode=mode))
         for label, handle in listed(server).items():
             if label == "Start recording":
-                assert handle.disabled == (mode not in c.StartRecording.modes)
+                assert handle.disabled == (mode not in WISHES[Action.RECORD].modes)
             if label.startswith("Go to node"):
-                assert handle.disabled == (mode not in c.NavigateTo.modes)
+                assert handle.disabled == (mode not in WISHES[Action.GOAL].modes)
             if handle.disabled:
                 assert "Not possible now" in (handle.description or ""), label
 

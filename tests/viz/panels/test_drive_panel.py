@@ -6,8 +6,7 @@ import viser
 
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, RecordingStatus, Snapshot
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import Action
+from ltvn_viz.wishes.commands import Action, Mode
 from tests.viz.panels.panel_contents import controls, is_enabled
 
 

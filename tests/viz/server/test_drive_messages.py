@@ -7,7 +7,8 @@ import pytest
 from ltvn_viz.server.drive_messages import ActionMessage, DriveMessage, MessageError, parse_message
 from ltvn_viz.server.driver_seat import HeldInput
 from ltvn_viz.server.keymap import Direction
-from ltvn_viz.wishes.wish_table import MAX_TEXT, Action
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import MAX_TEXT
 
 DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3, "age": 40}
 ACTION = {"type": "action", "action": "stop", "value": None}

@@ -10,7 +10,8 @@ from ltvn_core.types import Depth, Pose, Rgb, Twist
 from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.snapshot import ImageSource, Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.wish_table import Action, command_for
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import command_for
 from tests.viz.session_harness import SessionHarness
 
 AHEAD = Twist(0.4, 0.4)
@@ -41,10 +42,8 @@ def harness(tmp_path: Path, drawn: Drawn) -> Iterator[SessionHarness]:
     feed.close()
 
 
-def switch(harness: SessionHarness, *, is_on: bool) -> None:
-    command = command_for(Action.LARGER_PICTURE, int(is_on))
-    assert command is not None
-    harness.do(command)
+def switch(harness: SessionHarness, is_on: int) -> None:
+    harness.do(command_for(Action.LARGER_PICTURE, is_on))
 
 
 def source(now: Snapshot) -> ImageSource | None:
@@ -63,10 +62,10 @@ def test_the_pixels_of_the_method_are_shown_and_nothing_else_is_drawn(harness: S
 
 
 def test_a_larger_picture_is_drawn_while_it_is_asked_for(harness: SessionHarness, drawn: Drawn) -> None:
-    switch(harness, is_on=True)
+    switch(harness, 1)
     harness.until(lambda now: source(now) is ImageSource.RENDERED)
     assert harness.now.shows_larger is True
-    switch(harness, is_on=False)
+    switch(harness, 0)
     before = len(drawn.poses)
     harness.driver.twist = AHEAD
     assert source(harness.wait(20)) is ImageSource.OBSERVATION
@@ -75,7 +74,7 @@ def test_a_larger_picture_is_drawn_while_it_is_asked_for(harness: SessionHarness
 
 def test_where_nobody_can_draw_one_the_wish_changes_nothing(tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path)
-    shown = harness.do(c.ShowLarger(is_on=True), ticks=5)
+    shown = harness.do(c.Ask(c.Action.LARGER_PICTURE, 1), ticks=5)
     assert shown.shows_larger is None
     assert source(shown) is ImageSource.OBSERVATION
 

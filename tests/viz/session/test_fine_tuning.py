@@ -21,8 +21,8 @@ from ltvn_viz.session import fine_tuning as tuning
 from ltvn_viz.session.fine_tuner import FineTuner, FineTuningRequest
 from ltvn_viz.session.snapshot import FineTuningPhase
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import WISHES, Action, Audience
+from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.wish_table import WISHES, Audience
 from tests.viz.session_harness import InlineExecutor, SessionHarness, said
 from tests.viz.tiny_fine_tuning import PLAN, TUNER, TinyRehearsal, drive, record_drive, show_drive, tiny_weights
 from tests.waiting import PATIENCE_S
@@ -65,7 +65,7 @@ def harness_with_new_weights(folder: Path) -> SessionHarness:
     """A session in which new weights wait to be used."""
     offer = learned(drive_metrics(0.004), drive_metrics(0.002), tiny_weights(folder.parent))
     harness = fine_tuning_harness(folder, lambda *_: offer)
-    assert harness.do(c.FineTune(3), ticks=2).fine_tuning.phase is FineTuningPhase.LEARNED
+    assert harness.do(c.Ask(c.Action.LEARN, 3), ticks=2).fine_tuning.phase is FineTuningPhase.LEARNED
     return harness
 
 
@@ -100,7 +100,7 @@ def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_b
     harness = fine_tuning_harness(folder, tune)
     nodes, start = set(harness.state.live_map.graph.nodes), harness.state.fine_tuning.weights
     assert harness.now.fine_tuning.drive.endswith("images of the map")
-    now = harness.do(c.FineTune(3), ticks=2)
+    now = harness.do(c.Ask(c.Action.LEARN, 3), ticks=2)
     assert now.fine_tuning.phase is FineTuningPhase.LEARNED
     assert start is not None
     [weights] = folder.glob("*.safetensors")
@@ -117,7 +117,7 @@ def test_a_fine_tuning_saves_weights_with_a_card_that_come_into_use_with_a_map_b
     assert 0 <= shares[0] < shares[-1] <= 1
     assert [told[0][1], told[-1][1]] == ["reading and labelling the drive", "judging the weights after"]
     assert {"looking at boxes", "learning"} <= {doing for _, doing in told}
-    now = harness.do(c.UseWeights(), ticks=3)
+    now = harness.do(c.Ask(c.Action.USE_WEIGHTS), ticks=3)
     assert now.mode is Mode.TELEOP
     assert now.weights == harness.state.live_map.fingerprint == weights_fingerprint(weights)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
@@ -133,8 +133,8 @@ def test_cancelling_the_rebuilding_keeps_map_weights_and_offer(folder: Path, exe
     harness.state.worker._executor = executor
     gate = threading.Event()
     executor.submit(gate.wait, PATIENCE_S)
-    harness.do(c.UseWeights())
-    harness.do(c.Cancel())
+    harness.do(c.Ask(c.Action.USE_WEIGHTS))
+    harness.do(c.Ask(c.Action.CANCEL))
     gate.set()
     harness.until(lambda now: now.mode is Mode.TELEOP)
     assert harness.state.live_map.graph is before
@@ -147,7 +147,7 @@ def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
     harness = fine_tuning_harness(folder, lambda request, *_: requests.append(request))
     harness.state.last_recording = record_drive(folder / "drive.rrd").name
     assert harness.wait().fine_tuning.drive == "drive.rrd"
-    harness.do(c.FineTune(5), ticks=2)
+    harness.do(c.Ask(c.Action.LEARN, 5), ticks=2)
     [request] = requests
     assert (request.drive.source, request.minutes) == (folder / "drive.rrd", 5)
     assert request.output.name.startswith("drive-learned-")
@@ -158,7 +158,7 @@ def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
 def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
-    harness.do(c.FineTune(3))
+    harness.do(c.Ask(c.Action.LEARN, 3))
     assert gate.entered.wait(PATIENCE_S)
     harness.driver.twist = Twist(0.4, 0.0)
     before = harness.robot.pose.copy()
@@ -167,10 +167,10 @@ def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, execut
     assert "drawing simulated rooms" in now.fine_tuning.doing
     assert not np.array_equal(harness.robot.pose, before)
     harness.driver.twist = None
-    harness.do(c.StopRobot())
+    harness.do(c.Ask(c.Action.STOP))
     assert harness.robot.twist == ZERO_TWIST
-    harness.do(c.StartRecording(), ticks=2)
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.RECORD), ticks=2)
+    harness.do(c.Ask(c.Action.KEEP))
     gate.open.set()
     harness.session.close()
 
@@ -178,9 +178,9 @@ def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, execut
 def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
-    harness.do(c.FineTune(3))
+    harness.do(c.Ask(c.Action.LEARN, 3))
     assert gate.entered.wait(PATIENCE_S)
-    assert harness.do(c.StopFineTuning()).fine_tuning.doing == "stopping"
+    assert harness.do(c.Ask(c.Action.STOP_LEARNING)).fine_tuning.doing == "stopping"
     gate.open.set()
     now = harness.until(lambda now: now.fine_tuning.phase is not FineTuningPhase.LEARNING)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
@@ -192,7 +192,7 @@ def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: Th
 def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
-    now = harness.do(c.FineTune(3), c.FineTune(3))
+    now = harness.do(c.Ask(c.Action.LEARN, 3), c.Ask(c.Action.LEARN, 3))
     assert "learning already" in said(now)
     gate.open.set()
     harness.session.close()
@@ -201,7 +201,7 @@ def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: Thread
 def test_a_drive_that_teaches_nothing_is_one_clear_line_and_no_alarm(folder: Path) -> None:
     harness = fine_tuning_harness(folder)
     harness.state.last_recording = record_drive(folder / "short.rrd", images=6).name
-    now = harness.do(c.FineTune(3), ticks=2)
+    now = harness.do(c.Ask(c.Action.LEARN, 3), ticks=2)
     assert now.fine_tuning.phase is FineTuningPhase.FAILED
     assert "short.rrd: holds 6 images; fine-tuning needs 20" in now.fine_tuning.lines[0]
     assert now.message is None
@@ -212,12 +212,12 @@ def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None
     harness = fine_tuning_harness(folder)
     harness.state.live_map.keyframes.keep_only([])
     harness.state.live_map.keyframes.add([replace(seen, odometry=np.zeros(3)) for seen in drive()])
-    now = harness.do(c.FineTune(3), ticks=2)
+    now = harness.do(c.Ask(c.Action.LEARN, 3), ticks=2)
     assert "does not change" in now.fine_tuning.lines[0]
 
 
 def test_the_oracle_cannot_be_taught(folder: Path) -> None:
-    now = fine_tuning_harness(folder, None).do(c.FineTune(3))
+    now = fine_tuning_harness(folder, None).do(c.Ask(c.Action.LEARN, 3))
     assert now.message is not None
     assert (now.message.severity, "--predictor network" in now.message.text) == (Severity.WARN, True)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
@@ -236,9 +236,9 @@ def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: 
 def test_weights_that_see_more_far_false_positives_are_kept_but_not_offered(folder: Path) -> None:
     worse = learned(drive_metrics(0.002), drive_metrics(0.004))
     harness = fine_tuning_harness(folder, lambda *_: worse)
-    now = harness.do(c.FineTune(3), ticks=2)
+    now = harness.do(c.Ask(c.Action.LEARN, 3), ticks=2)
     assert (now.fine_tuning.phase, now.fine_tuning.path) == (FineTuningPhase.WORSE, "new.safetensors")
-    now = harness.do(c.UseWeights())
+    now = harness.do(c.Ask(c.Action.USE_WEIGHTS))
     assert "no new weights" in said(now)
     assert now.weights == "flat"
 
@@ -259,15 +259,15 @@ def test_the_result_is_two_plain_lines() -> None:
 
 def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
     harness = harness_with_new_weights(folder)
-    harness.do(c.StartRecording(), ticks=2)
-    now = harness.do(c.UseWeights())
+    harness.do(c.Ask(c.Action.RECORD), ticks=2)
+    now = harness.do(c.Ask(c.Action.USE_WEIGHTS))
     assert "Keep this recording" in said(now)
     assert now.weights == "flat"
 
 
 @pytest.mark.parametrize("minutes", [0, 61])
 def test_a_time_without_sense_is_refused(folder: Path, minutes: int) -> None:
-    now = fine_tuning_harness(folder).do(c.FineTune(minutes))
+    now = fine_tuning_harness(folder).do(c.Ask(c.Action.LEARN, minutes))
     assert "1 to 60 minutes" in said(now)
 
 

@@ -48,11 +48,11 @@ class Aligning:
 
     def click(self, node: NodeId, wrong_by_m: float = 0.0) -> Snapshot:
         """Click a node, and its true place on the plan as it is drawn now, or one that is wrong along x."""
-        self.harness.do(c.PickNode(node))
+        self.harness.do(c.Ask(c.Action.PICK, node))
         assert self.view.node == node
         on_plan = compose(np.array([-wrong_by_m, 0, 0]), _relative(TRUE_FRAME, self.poses[node]))
         x, y, _ = compose(self.frame, on_plan).tolist()
-        return self.harness.do(c.PointOnFloorPlan((x, y)))
+        return self.harness.do(c.Ask(c.Action.POINT_ON_PLAN, (x, y)))
 
 
 def _relative(frame: Pose, pose: Pose) -> Pose:
@@ -63,7 +63,7 @@ def _relative(frame: Pose, pose: Pose) -> Pose:
 @pytest.fixture
 def aligning(tmp_path: Path) -> Aligning:
     aligning = Aligning(tmp_path)
-    aligning.harness.do(c.AlignFloorPlan())
+    aligning.harness.do(c.Ask(c.Action.ALIGN_PLAN))
     return aligning
 
 
@@ -84,11 +84,11 @@ def test_pairs_move_the_plan_to_where_it_lies_and_no_click_starts_the_robot(alig
 def test_the_option_that_is_told_gives_the_same_alignment(aligning: Aligning) -> None:
     for node in aligning.nodes:
         aligning.click(node)
-    aligning.harness.do(c.UseAlignment())
+    aligning.harness.do(c.Ask(c.Action.USE_ALIGNMENT))
     option, *pairs = aligning.view.align.split()
     assert option == "--align"
     np.testing.assert_allclose(align_floor_plan(pairs, aligning.poses).pose, aligning.frame, atol=1e-9)
-    shown = aligning.harness.do(c.PickNode(aligning.nodes[1]))
+    shown = aligning.harness.do(c.Ask(c.Action.PICK, aligning.nodes[1]))
     assert shown.mode is Mode.NAVIGATING, "afterwards a click on a node is a goal again"
 
 
@@ -96,13 +96,13 @@ def test_an_alignment_that_is_left_changes_nothing_and_one_in_use_is_kept(aligni
     first, last, _ = aligning.nodes
     aligning.click(first)
     aligning.click(last)
-    aligning.harness.do(c.UseAlignment())
+    aligning.harness.do(c.Ask(c.Action.USE_ALIGNMENT))
     used, option = aligning.frame, aligning.view.align
-    aligning.harness.do(c.AlignFloorPlan())
+    aligning.harness.do(c.Ask(c.Action.ALIGN_PLAN))
     aligning.click(first)
     aligning.click(last, wrong_by_m=0.4)
     assert not np.allclose(aligning.frame, used)
-    aligning.harness.do(c.Cancel())
+    aligning.harness.do(c.Ask(c.Action.CANCEL))
     assert not aligning.view.is_aligning
     np.testing.assert_allclose(aligning.frame, used)
     assert aligning.view.align == option
@@ -114,7 +114,7 @@ def test_clicks_are_taken_back_one_by_one(aligning: Aligning) -> None:
     aligning.click(last)
     seen = []
     for _ in range(5):
-        aligning.harness.do(c.UndoPlanClick())
+        aligning.harness.do(c.Ask(c.Action.UNDO_PLAN_CLICK))
         seen.append((aligning.view.pairs, aligning.view.node))
     assert seen == [(1, last), (1, None), (0, first), (0, None), (0, None)]
     np.testing.assert_array_equal(aligning.frame, np.zeros(3))
@@ -138,13 +138,13 @@ def test_a_pair_at_the_same_place_is_left_out_with_the_reason(aligning: Aligning
 
 
 def test_a_click_that_comes_too_late_or_names_no_node_changes_nothing(aligning: Aligning) -> None:
-    aligning.harness.do(c.PointOnFloorPlan((1.0, 1.0)))
+    aligning.harness.do(c.Ask(c.Action.POINT_ON_PLAN, (1.0, 1.0)))
     assert aligning.view.pairs == 0
-    shown = aligning.harness.do(c.PickNode(10**6))
+    shown = aligning.harness.do(c.Ask(c.Action.PICK, 10**6))
     assert "not in the map" in said(shown)
     assert aligning.view.node is None
 
 
 def test_a_click_on_a_node_aligns_the_plan_while_a_question_is_on_show_too(aligning: Aligning) -> None:
-    aligning.harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(aligning.nodes[0]))
+    aligning.harness.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.Ask(c.Action.PICK, aligning.nodes[0]))
     assert aligning.view.node == aligning.nodes[0]

@@ -53,7 +53,7 @@ def test_an_imported_drive_shows_its_whole_way_and_the_camera_that_took_it(page:
     assert len(now.course) == len(page.state.shown_run.frames) > 5
     assert now.lone_camera is not None
     assert now.lone_camera.width == 320
-    assert page.do(c.CloseRecording()).lone_camera is None
+    assert page.do(c.Ask(c.Action.CLOSE)).lone_camera is None
 
 
 def test_only_what_has_weights_is_offered_to_learn(page: AppSession) -> None:
@@ -65,7 +65,7 @@ def test_a_drive_in_another_format_is_offered_imported_and_opened(page: AppSessi
     copytree(EXCERPT, folder / "a drive")
     (folder / "notes.txt").write_text("no drive", encoding="utf-8")
     now = page.until(lambda now: now.sources == ("a drive",))
-    assert page.do(c.ImportDrive("a drive")).is_making
+    assert page.do(c.Ask(c.Action.IMPORT, "a drive")).is_making
     now = page.until(lambda now: now.replay is not None and now.replay.name == "a drive.rrd")
     assert "images" in said(now)
 
@@ -74,14 +74,14 @@ def test_nothing_is_imported_but_what_is_listed(page: AppSession, folder: Path) 
     (folder / "notes.txt").write_text("no drive", encoding="utf-8")
     for name in ("../elsewhere", "notes.txt", DRIVE, ""):
         page.state.message = None
-        now = page.do(c.ImportDrive(name))
+        now = page.do(c.Ask(c.Action.IMPORT, name))
         assert "There is no drive" in said(now)
         assert not now.is_making
 
 
 def test_a_drive_that_cannot_be_read_is_one_clear_line_and_leaves_nothing(page: AppSession, folder: Path) -> None:
     (folder / "broken.mcap").write_bytes(b"no bag at all")
-    page.do(c.ImportDrive("broken.mcap"))
+    page.do(c.Ask(c.Action.IMPORT, "broken.mcap"))
     now = page.until(lambda now: not now.is_making and now.message is not None)
     assert now.message is not None
     assert now.message.severity is Severity.ERROR
@@ -93,10 +93,10 @@ def test_a_drive_that_cannot_be_read_is_one_clear_line_and_leaves_nothing(page: 
 
 
 def test_one_recording_is_made_at_a_time_and_can_be_given_up(page: AppSession, folder: Path) -> None:
-    page.do(c.BuildMap())
-    now = page.do(c.BuildMap())
+    page.do(c.Ask(c.Action.BUILD))
+    now = page.do(c.Ask(c.Action.BUILD))
     assert "not done yet" in said(now)
-    page.do(c.Cancel())
+    page.do(c.Ask(c.Action.CANCEL))
     now = page.until(lambda now: not now.is_making and now.message is not None)
     assert "cancelled" in said(now)
     assert [path.name for path in folder.iterdir()] == [DRIVE]
@@ -105,7 +105,7 @@ def test_one_recording_is_made_at_a_time_and_can_be_given_up(page: AppSession, f
 def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_pictures_are_looked_for_in_it(
     page: AppSession,
 ) -> None:
-    assert page.do(c.BuildMap()).is_making
+    assert page.do(c.Ask(c.Action.BUILD)).is_making
     now = page.until(lambda now: now.replay is not None and now.replay.name == "tour-map.rrd")
     assert "tour-map.rrd" in page.state.library.names()
     assert "by geometric" in said(now)

@@ -135,11 +135,11 @@ def test_it_stops_by_itself_when_the_session_hangs(harness: OwnRobotSession) -> 
 def test_its_map_grows_is_built_anew_and_leads_to_a_node(harness: OwnRobotSession) -> None:
     explore(harness)
     assert len(harness.now.moment.graph.ids) > 3
-    harness.do(c.BuildMap())
+    harness.do(c.Ask(c.Action.BUILD))
     until(lambda: harness.wait().mode is Mode.TELEOP)
     goal = far_node(harness)
     place = harness.state.live_map.keyframes.observation(goal).odometry
-    harness.do(c.NavigateTo(goal))
+    harness.do(c.Ask(c.Action.GOAL, goal))
     now = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert now.moment.progress.ended is not None
     assert now.moment.progress.ended.outcome is Outcome.ARRIVED
@@ -148,7 +148,7 @@ def test_its_map_grows_is_built_anew_and_leads_to_a_node(harness: OwnRobotSessio
 
 def test_nobody_judges_an_arrival_where_nobody_knows_the_truth(harness: OwnRobotSession) -> None:
     explore(harness)
-    harness.do(c.NavigateTo(far_node(harness)))
+    harness.do(c.Ask(c.Action.GOAL, far_node(harness)))
     harness.until(lambda now: now.mode is Mode.TELEOP)
     assert not [row for row in harness.state.live.timeline.events if isinstance(row.event, Judged)]
 
@@ -157,10 +157,10 @@ def test_a_recording_holds_every_image_that_its_events_name_although_thinking_ta
     harness = OwnRobotSession(tmp_path, thought_s=0.12)
     harness.wait()
     explore(harness)
-    harness.do(c.StartRecording())
-    harness.do(c.NavigateTo(far_node(harness)))
+    harness.do(c.Ask(c.Action.RECORD))
+    harness.do(c.Ask(c.Action.GOAL, far_node(harness)))
     harness.until(lambda now: now.mode is Mode.TELEOP)
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     (writer,) = harness.writers
     named = {row.event.frame for row in writer.events if isinstance(row.event, Localised)}
     assert named
@@ -171,14 +171,14 @@ def test_a_recording_holds_every_image_that_its_events_name_although_thinking_ta
 
 def test_it_stands_while_a_task_is_paused_and_drives_on_afterwards(harness: OwnRobotSession) -> None:
     explore(harness)
-    harness.do(c.NavigateTo(far_node(harness)))
+    harness.do(c.Ask(c.Action.GOAL, far_node(harness)))
     harness.until(lambda now: bool(harness.own.lease.command().linear_m_s))
-    harness.do(c.Pause())
+    harness.do(c.Ask(c.Action.PAUSE))
     harness.wait(4)
     stood = harness.own.body.pose.copy()
     harness.wait(30)
     np.testing.assert_array_equal(harness.own.body.pose, stood)
-    harness.do(c.Pause())
+    harness.do(c.Ask(c.Action.PAUSE))
     now = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert now.moment.progress.ended is not None
     assert now.moment.progress.ended.outcome is Outcome.ARRIVED
@@ -253,6 +253,6 @@ def test_of_a_recorded_drive_the_page_says_that_nothing_can_be_driven(harness: O
     assert harness.now.message.text == harness.state.open_loop
     assert "A recorded drive replaces the robot" in hint(harness.now)
     harness.state.say("something else")
-    harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[0])))
+    harness.do(c.Ask(c.Action.GOAL, int(harness.now.moment.graph.ids[0])))
     assert harness.now.message.text == harness.state.open_loop
     assert harness.now.mode is Mode.TELEOP

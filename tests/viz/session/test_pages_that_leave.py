@@ -10,8 +10,8 @@ from ltvn_viz.server.driver_seat import IDLE_S, Absence, DriverSeat, Loss
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import Action, command_for
+from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.wish_table import command_for
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
 from tests.viz.session_harness import SessionHarness, said
 
@@ -38,7 +38,7 @@ def harness(tmp_path: Path, pages: Pages) -> SessionHarness:
 
 
 def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarness, pages: Pages) -> None:
-    harness.do(c.NavigateTo(harness.far_node), ticks=20)
+    harness.do(c.Ask(c.Action.GOAL, harness.far_node), ticks=20)
     pages.absence = CLOSED
     shown = harness.wait()
     where = harness.robot.pose.copy()
@@ -48,26 +48,26 @@ def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarne
     pages.absence = None
     assert harness.wait(60).mode is Mode.PAUSED
     assert np.array_equal(harness.robot.pose, where)
-    assert harness.do(c.Pause()).pause_notice == ""
+    assert harness.do(c.Ask(c.Action.PAUSE)).pause_notice == ""
     assert harness.until(lambda now: now.mode is Mode.TELEOP).moment.progress.reached == 1
 
 
 def test_a_query_that_begins_with_nobody_there_stands(harness: SessionHarness, pages: Pages) -> None:
     where = harness.robot.pose.copy()
     pages.absence = CLOSED
-    assert harness.do(c.NavigateTo(harness.far_node), ticks=30).mode is Mode.PAUSED
-    assert harness.do(c.Pause(), ticks=30).mode is Mode.PAUSED
+    assert harness.do(c.Ask(c.Action.GOAL, harness.far_node), ticks=30).mode is Mode.PAUSED
+    assert harness.do(c.Ask(c.Action.PAUSE), ticks=30).mode is Mode.PAUSED
     assert np.array_equal(harness.robot.pose, where)
 
 
 def test_a_held_query_can_be_cancelled_stepped_and_stopped(harness: SessionHarness, pages: Pages) -> None:
-    for ending in (c.Cancel(), c.StopRobot()):
-        harness.do(c.NavigateTo(harness.far_node), ticks=20)
+    for ending in (c.Ask(c.Action.CANCEL), c.Ask(c.Action.STOP)):
+        harness.do(c.Ask(c.Action.GOAL, harness.far_node), ticks=20)
         pages.absence = CLOSED
         harness.wait()
         pages.absence = None
         step = harness.robot.step
-        harness.do(c.StepOnce())
+        harness.do(c.Ask(c.Action.STEP))
         harness.until(lambda now, before=step: now.mode is Mode.PAUSED and harness.robot.step > before)
         harness.do(ending)
         assert harness.until(lambda now: now.mode is Mode.TELEOP).pause_notice == ""
@@ -79,7 +79,7 @@ def test_a_long_run_in_simulation_may_go_on_and_that_is_off_until_asked_for(
     assert harness.now.keeps_going is False
     on = command_for(Action.KEEP_GOING, 1)
     assert on is not None
-    harness.do(on, c.NavigateTo(harness.far_node), ticks=5)
+    harness.do(on, c.Ask(c.Action.GOAL, harness.far_node), ticks=5)
     pages.absence = CLOSED
     assert harness.now.keeps_going is True
     assert harness.until(lambda now: now.mode is Mode.TELEOP).moment.progress.reached == 1
@@ -87,7 +87,7 @@ def test_a_long_run_in_simulation_may_go_on_and_that_is_off_until_asked_for(
 
 def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -> None:
     vars(harness.robot.clock)["is_simulated"] = False
-    handle(harness.state, c.KeepGoing(is_on=True))
+    handle(harness.state, c.Ask(c.Action.KEEP_GOING, 1))
     assert not harness.state.keeps_going
     assert "needs a person" in said(harness.state)
 

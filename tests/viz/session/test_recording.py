@@ -13,7 +13,7 @@ from tests.viz.session_harness import SessionHarness, said
 
 
 def record(harness: SessionHarness, ticks: int = 60) -> None:
-    harness.do(c.StartRecording())
+    harness.do(c.Ask(c.Action.RECORD))
     harness.driver.twist = Twist(0.3, 0.4)
     harness.wait(ticks)
     harness.driver.twist = None
@@ -25,7 +25,7 @@ def test_keeping_leaves_a_finished_file_in_the_list(harness: SessionHarness) -> 
     name = harness.now.recording.name
     assert name is not None
     assert harness.now.recording.frames > 10
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     assert harness.writers[0].closed
     assert harness.library.names() == (name,)
     size_mb = (harness.library.folder / name).stat().st_size / 1e6
@@ -35,7 +35,7 @@ def test_keeping_leaves_a_finished_file_in_the_list(harness: SessionHarness) -> 
 def test_recordings_of_the_same_second_get_names_of_their_own(harness: SessionHarness) -> None:
     for _ in range(3):
         record(harness, ticks=5)
-        harness.do(c.KeepRecording())
+        harness.do(c.Ask(c.Action.KEEP))
     assert len({writer.path for writer in harness.writers}) == 3
     assert len(harness.library.names()) == 3
 
@@ -43,14 +43,14 @@ def test_recordings_of_the_same_second_get_names_of_their_own(harness: SessionHa
 def test_discarding_moves_the_file_aside_and_deletes_nothing(harness: SessionHarness) -> None:
     for _ in range(2):
         record(harness, ticks=5)
-        harness.do(c.DiscardRecording())
+        harness.do(c.Ask(c.Action.DISCARD))
     assert harness.library.names() == ()
     assert len(list((harness.library.folder / "discarded").iterdir())) == 2
 
 
 def test_a_second_recording_cannot_begin_over_the_first(harness: SessionHarness) -> None:
     record(harness, ticks=5)
-    shown = harness.do(c.StartRecording())
+    shown = harness.do(c.Ask(c.Action.RECORD))
     assert "keep or discard it first" in said(shown)
     assert len(harness.writers) == 1
 
@@ -58,9 +58,9 @@ def test_a_second_recording_cannot_begin_over_the_first(harness: SessionHarness)
 def test_a_recording_holds_the_map_and_every_image_its_events_name(harness: SessionHarness) -> None:
     record(harness)
     goal = int(harness.now.moment.graph.ids[-1])
-    harness.do(c.NavigateTo(goal))
+    harness.do(c.Ask(c.Action.GOAL, goal))
     harness.until(lambda now: now.mode is Mode.TELEOP)
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     writer = harness.writers[0]
     held = {seen.step for seen in writer.frames}
     looks = (Localised, AttemptStarted, AttemptEnded)
@@ -73,7 +73,7 @@ def test_an_unwritable_folder_is_a_clear_error(tmp_path: Path) -> None:
     blocked = tmp_path / "a file"
     blocked.write_text("in the way", encoding="utf-8")
     harness = SessionHarness(blocked)
-    shown = harness.do(c.StartRecording())
+    shown = harness.do(c.Ask(c.Action.RECORD))
     assert shown.recording.name is None
     assert "--recordings" in said(shown)
 
@@ -104,9 +104,9 @@ def test_a_link_out_of_the_folder_is_not_listed(harness: SessionHarness, tmp_pat
 def test_an_image_that_waited_for_the_mapper_is_recorded_with_its_node(harness: SessionHarness) -> None:
     harness.driver.twist = Twist(0.5, 0.5)
     harness.wait(20)
-    harness.do(c.StartRecording(), ticks=30)
+    harness.do(c.Ask(c.Action.RECORD), ticks=30)
     harness.driver.twist = None
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     held = {seen.step for seen in harness.writers[0].frames}
     assert set(harness.state.live_map.graph.nodes) | set(harness.state.live_map.graph.reserve) <= held
 

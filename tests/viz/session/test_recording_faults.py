@@ -32,7 +32,7 @@ def harness(tmp_path: Path) -> Iterator[SessionHarness]:
 
 
 def begin(harness: SessionHarness) -> Path:
-    harness.do(c.StartRecording())
+    harness.do(c.Ask(c.Action.RECORD))
     shown = harness.until(lambda now: now.recording.name is not None)
     return harness.library.folder / str(shown.recording.name)
 
@@ -64,7 +64,7 @@ def test_a_file_that_is_taken_away_while_the_robot_stands_is_said_and_driving_go
 
 def test_a_query_goes_on_when_its_recording_fails(harness: SessionHarness) -> None:
     path = begin(harness)
-    harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[-1])))
+    harness.do(c.Ask(c.Action.GOAL, int(harness.now.moment.graph.ids[-1])))
     harness.until(lambda now: now.mode is Mode.NAVIGATING)
     until(lambda: frames_on_disk(path) > 0)  # No time passes for the robot meanwhile.
     path.rename(path.with_name("elsewhere.rrd"))
@@ -81,7 +81,7 @@ def test_the_next_recording_begins_after_one_that_failed(harness: SessionHarness
     begin(harness).unlink()
     harness.until(lambda now: now.recording.name is None)
     path = begin(harness)
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     harness.until(lambda now: now.recording.name is None)
     assert Recording.open(path).final_graph().nodes
 
@@ -103,7 +103,7 @@ def test_the_file_is_there_while_the_navigator_still_thinks(tmp_path: Path) -> N
     assert path.stat().st_size > 0
     drive_on(harness)
     thought.set()
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     harness.until(lambda now: now.recording.name is None)
     recording = Recording.open(path)
     assert recording.final_graph().nodes == harness.state.live_map.graph.nodes
@@ -140,12 +140,12 @@ def test_the_session_waits_neither_for_a_file_to_begin_nor_to_end(
         return writer
 
     harness = SessionHarness(tmp_path, open_writer=open_slowly, recording_executor=DaemonExecutor("recorder"))
-    harness.do(c.StartRecording())
+    harness.do(c.Ask(c.Action.RECORD))
     drive_on(harness)
     disk_answers.set()
     harness.until(lambda now: now.recording.frames > 0)
     disk_answers.clear()
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     drive_on(harness)
     assert not made[0].closed
     disk_answers.set()

@@ -25,17 +25,17 @@ class Recorded(NamedTuple):
 def recorded(tmp_path: Path) -> Recorded:
     """Drive a little and navigate once while recording, and open the recording."""
     harness = SessionHarness(tmp_path)
-    harness.do(c.StartRecording())
+    harness.do(c.Ask(c.Action.RECORD))
     begin = len(harness.shown)
     harness.driver.twist = Twist(0.3, 0.5)
     harness.wait(90)
     harness.driver.twist = None
-    harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[-1])))
+    harness.do(c.Ask(c.Action.GOAL, int(harness.now.moment.graph.ids[-1])))
     harness.until(lambda now: now.mode is Mode.TELEOP)
     live = harness.shown[begin:]
     name = harness.now.recording.name
     assert name is not None
-    harness.do(c.KeepRecording())
+    harness.do(c.Ask(c.Action.KEEP))
     harness.until(lambda now: bool(now.recordings))
     harness.do(c.OpenRecording(name), ticks=2)
     assert harness.session.mode is Mode.REPLAY
@@ -81,7 +81,7 @@ def test_a_replay_begins_where_driving_began_with_the_map_there(recorded: Record
 
 def test_playing_follows_recorded_time_and_holds_at_the_end(recorded: Recorded) -> None:
     harness = recorded.harness
-    shown = harness.do(c.Pause(), ticks=31)
+    shown = harness.do(c.Ask(c.Action.PAUSE), ticks=31)
     assert shown.replay is not None
     assert shown.replay.time_s == pytest.approx(31 / 30)
     harness.do(c.Seek(1e9))
@@ -101,7 +101,7 @@ def test_seeking_stays_within_the_recording(recorded: Recorded) -> None:
 
 def test_the_robot_moves_smoothly_between_frames(recorded: Recorded) -> None:
     harness = recorded.harness
-    harness.do(c.Seek(0.5), c.Pause())
+    harness.do(c.Seek(0.5), c.Ask(c.Action.PAUSE))
     places = [harness.wait().moment.robot for _ in range(30)]
     steps = np.linalg.norm(np.diff(np.array(places)[:, :2], axis=0), axis=1)
     assert (steps > 0).mean() > 0.8
@@ -113,12 +113,12 @@ def test_the_robot_stands_during_a_replay_and_drives_after_it(recorded: Recorded
     harness.driver.twist = Twist(0.4, 0.0)
     harness.wait(30)
     np.testing.assert_array_equal(harness.robot.pose, where)
-    harness.do(c.CloseRecording(), ticks=30)
+    harness.do(c.Ask(c.Action.CLOSE), ticks=30)
     assert harness.session.mode is Mode.TELEOP
     assert not np.array_equal(harness.robot.pose, where)
 
 
 def test_the_live_map_is_still_there_after_a_replay(recorded: Recorded) -> None:
     harness, live = recorded
-    shown = harness.do(c.CloseRecording())
+    shown = harness.do(c.Ask(c.Action.CLOSE))
     assert len(shown.moment.graph.ids) >= len(live[-1].moment.graph.ids)

@@ -71,7 +71,7 @@ def test_a_recording_of_an_unknown_scene_is_watched_at_any_moment_without_robot_
         assert shown.moment.robot is not None
         assert len(shown.moment.graph.ids) > 2
         assert shown.camera is not None
-        shown = page.do(c.CloseRecording())
+        shown = page.do(c.Ask(c.Action.CLOSE))
         assert shown.mode is Mode.TELEOP
         assert shown.moment.robot is None
 
@@ -114,7 +114,7 @@ def test_a_file_on_which_reruns_reader_breaks_down_does_not_take_the_page_along(
     damaged[54_327] ^= 1 << 5
     (tmp_path / "damaged.rrd").write_bytes(damaged)
     harness.state.open_replay = lambda name: open_replay(harness.library, name)
-    harness.do(c.StartRecording())
+    harness.do(c.Ask(c.Action.RECORD))
     shown = harness.do(c.OpenRecording("damaged.rrd"), ticks=2)
     assert shown.mode is Mode.TELEOP
     assert shown.recording.name is not None

@@ -17,8 +17,8 @@ def test_a_link_is_read_as_it_was_written() -> None:
     assert isinstance(opening, c.OpenRecording)
     assert (opening.name, opening.at_s) == ("a b&c=ä.rrd", 12.34)
     question, pointing = opening.then
-    assert isinstance(question, c.ChooseQuestion)
-    assert question.name == QuestionName.WHAT_IF
+    assert isinstance(question, c.Ask)
+    assert question.value == QuestionName.WHAT_IF
     assert isinstance(pointing, c.PointAt)
     assert (pointing.node, pointing.target) == (12, 40)
 
@@ -68,8 +68,8 @@ def test_a_link_travels_to_the_server_unread() -> None:
 
 def test_a_question_is_asked_by_its_word_and_a_wrong_word_names_the_right_ones() -> None:
     (asked,) = question_commands("blame", QUESTION_WORDS)
-    assert isinstance(asked, c.ChooseQuestion)
-    assert asked.name == QuestionName.EDGE.value
+    assert isinstance(asked, c.Ask)
+    assert asked.value == QuestionName.EDGE.value
     assert question_commands("", QUESTION_WORDS) == ()
     with pytest.raises(OptionError, match=r"--ask, names the tool “why”.*blame"):
         question_commands("why", QUESTION_WORDS)

@@ -50,19 +50,19 @@ def by_hand(harness: SessionHarness) -> None:
 
 
 WAYS = {
-    "stop": lambda harness: harness.do(c.StopRobot()),
-    "cancel": lambda harness: harness.do(c.Cancel()),
+    "stop": lambda harness: harness.do(c.Ask(c.Action.STOP)),
+    "cancel": lambda harness: harness.do(c.Ask(c.Action.CANCEL)),
     "driving keys": by_hand,
 }
 
 
 def query(harness: SessionHarness) -> None:
-    harness.do(c.NavigateTo(harness.far_node), ticks=20)
+    harness.do(c.Ask(c.Action.GOAL, harness.far_node), ticks=20)
 
 
 def paused_query(harness: SessionHarness) -> None:
     query(harness)
-    harness.do(c.Pause(), ticks=10)
+    harness.do(c.Ask(c.Action.PAUSE), ticks=10)
     assert harness.now.mode is Mode.PAUSED
 
 
@@ -97,11 +97,11 @@ def test_an_image_sends_the_robot_where_nobody_stops_it(harness: SessionHarness)
 def test_an_answer_about_an_action_does_not_move_the_robot_in_a_later_query(tmp_path: Path) -> None:
     harness = open_two_rooms(tmp_path)
     harness.do(add_lift(harness))
-    harness.do(c.NavigateTo(nearest(harness, 5.0, 3.0)))
+    harness.do(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)))
     harness.until(lambda _: harness.state.actions.state() is ActionState.PENDING)
-    harness.do(c.EndAction(succeeded=True), c.StopRobot(), ticks=3)
+    harness.do(c.Ask(c.Action.END_ACTION, 1), c.Ask(c.Action.STOP), ticks=3)
     assert harness.session.mode is Mode.TELEOP
-    harness.do(c.NavigateTo(nearest(harness, 1.0, 1.0)))
+    harness.do(c.Ask(c.Action.GOAL, nearest(harness, 1.0, 1.0)))
     carried: list[int] = []
     harness.state.actions.settle(carried.append)
     assert carried == []
@@ -123,13 +123,19 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppSession]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("way", "is_driving"), [(c.StopRobot(), False), (c.StopRobot(), True), (c.Cancel(), False), (c.TakeOver(), True)]
+    ("way", "is_driving"),
+    [
+        (c.Ask(c.Action.STOP), False),
+        (c.Ask(c.Action.STOP), True),
+        (c.Ask(c.Action.CANCEL), False),
+        (c.Ask(c.Action.TAKE_OVER), True),
+    ],
 )
 def test_the_story_is_over_and_leaves_the_door_open_and_begins_anew(
     demo: AppSession, way: c.Command, is_driving: bool
 ) -> None:
     state, system = demo.state, demo.state.live_map.system
-    demo.do(c.WatchItLearn())
+    demo.do(c.Ask(c.Action.WATCH_IT_LEARN))
     story = state.story
     assert story is not None
     assert not story.is_over

@@ -29,7 +29,7 @@ def floors(tmp_path: Path) -> SessionHarness:
 def harness(floors: SessionHarness) -> SessionHarness:
     """A robot that waits for the lift."""
     harness = floors
-    harness.do(c.NavigateTo(nearest(harness, 5.0, 3.0)))
+    harness.do(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)))
     harness.until(lambda _: harness.state.actions.state() is ActionState.PENDING)
     return harness
 
@@ -53,12 +53,12 @@ def test_the_robot_waits_while_the_page_says_what_to_do_and_drives_on_when_it_is
     assert shown.waiting is not None
     assert (LIFT in shown.hint, f"node {source}" in shown.hint) == (True, True)
     carry(harness, target)
-    harness.do(c.EndAction(succeeded=True))
+    harness.do(c.Ask(c.Action.END_ACTION, 1))
     assert outcome(harness) is Outcome.ARRIVED
 
 
 def test_an_action_that_failed_is_not_tried_again(harness: SessionHarness) -> None:
-    harness.do(c.EndAction(succeeded=False))
+    harness.do(c.Ask(c.Action.END_ACTION, 0))
     harness.until(lambda now: now.waiting is None)
     assert harness.wait(50).waiting is None
     events = [stamped.event for stamped in harness.state.live.timeline.events]
@@ -66,16 +66,16 @@ def test_an_action_that_failed_is_not_tried_again(harness: SessionHarness) -> No
 
 
 def test_cancel_ends_the_wait(harness: SessionHarness) -> None:
-    harness.do(c.Cancel())
+    harness.do(c.Ask(c.Action.CANCEL))
     assert outcome(harness) is Outcome.CANCELLED
     assert harness.now.waiting is None
 
 
 def test_an_answer_that_comes_before_the_action_is_not_taken_for_it(harness: SessionHarness) -> None:
-    harness.do(c.Cancel())
+    harness.do(c.Ask(c.Action.CANCEL))
     outcome(harness)
     carry(harness, nearest(harness, 1.0, 1.0))
-    harness.do(c.NavigateTo(nearest(harness, 5.0, 3.0)), c.EndAction(succeeded=False))
+    harness.do(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)), c.Ask(c.Action.END_ACTION, 0))
     assert harness.until(lambda now: now.waiting is not None).waiting is not None
     assert harness.wait(20).waiting is not None
 
@@ -98,18 +98,18 @@ def test_one_floor_is_shown_with_its_own_edges_and_its_exit(floors: SessionHarne
 
 
 def test_a_person_chooses_a_floor_and_goes_back_to_the_robots(floors: SessionHarness) -> None:
-    floors.do(c.NavigateTo(nearest(floors, 1.0, 2.0)))
+    floors.do(c.Ask(c.Action.GOAL, nearest(floors, 1.0, 2.0)))
     floors.until(lambda now: now.moment.progress.localised is not None)
     robots = floors.wait(2).moment.graph
     assert rooms(floors, floors.now) == {True}
     assert robots.exits.sum() == 1
     assert int(robots.ids[robots.exits][0]) == lift_ends(floors)[0]
     assert floors.now.floor is not None
-    other = floors.do(c.ShowFloor(1 - floors.now.floor.floor))
+    other = floors.do(c.Ask(c.Action.SHOW_FLOOR, 1 - floors.now.floor.floor))
     assert rooms(floors, other) == {False}
     assert floors.wait().moment.graph is other.moment.graph
     assert other.moment.robot is None
-    back = floors.do(c.ShowFloor())
+    back = floors.do(c.Ask(c.Action.SHOW_FLOOR))
     assert rooms(floors, back) == {True}
     assert back.moment.robot is not None
 

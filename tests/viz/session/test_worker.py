@@ -48,12 +48,12 @@ def test_the_robot_does_not_move_while_the_navigator_thinks(tmp_path: Path, exec
     harness, gate = SessionHarness(tmp_path, executor=executor), Gate()
     harness.wait()
     harness.state.worker.settle()
-    harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[-1])), ticks=0)
+    harness.do(c.Ask(c.Action.GOAL, int(harness.now.moment.graph.ids[-1])), ticks=0)
     harness.state.worker.submit(gate, lambda _: None)  # Stands before the first thought.
     step = harness.robot.step
     harness.wait(10)
     assert harness.robot.step == step
-    harness.do(c.StopRobot())
+    harness.do(c.Ask(c.Action.STOP))
     assert harness.robot.twist == ZERO_TWIST
     gate.open.set()
     harness.until(lambda now: now.mode is Mode.TELEOP)
@@ -89,10 +89,10 @@ def test_building_can_be_cancelled_and_keeps_the_old_map(tmp_path: Path, executo
     before = set(harness.state.live_map.graph.nodes)
     gate = Gate()
     harness.state.worker.submit(gate, lambda _: None)  # Building cannot begin before it is cancelled.
-    harness.do(c.BuildMap())
+    harness.do(c.Ask(c.Action.BUILD))
     assert harness.now.mode is Mode.BUILDING
     assert harness.now.work is not None
-    harness.do(c.Cancel())
+    harness.do(c.Ask(c.Action.CANCEL))
     gate.open.set()
     harness.until(lambda now: now.mode is Mode.TELEOP)
     assert set(harness.state.live_map.graph.nodes) == before
@@ -101,7 +101,7 @@ def test_building_can_be_cancelled_and_keeps_the_old_map(tmp_path: Path, executo
 def test_building_from_nothing_says_what_to_do_first(tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path, mapped=False)
     harness.state.live_map.keyframes.keep_only([])
-    harness.do(c.BuildMap(), ticks=2)
+    harness.do(c.Ask(c.Action.BUILD), ticks=2)
     assert harness.now.mode is Mode.TELEOP
     assert "drive a little first" in said(harness.now)
 

@@ -56,13 +56,13 @@ def apartment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ApartmentSes
 @pytest.fixture(autouse=True)
 def as_made(apartment: ApartmentSession) -> None:
     while apartment.do().world != (fresh := apartment.view) or fresh.undo:
-        apartment.do(c.UndoWorldChange())
+        apartment.do(c.Ask(c.Action.UNDO_CHANGE))
 
 
 def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(apartment: ApartmentSession) -> None:
     door = apartment.view.doors[0]
     before = apartment.state.live.robot.observe()
-    shown = apartment.do(c.ToggleDoor(door.door))
+    shown = apartment.do(c.Ask(c.Action.DOOR, door.door))
     assert not apartment.view.doors[0].is_open
     assert shown.moment.progress.world.closed_doors == {door.door}
     assert door.label in said(shown)
@@ -72,13 +72,13 @@ def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(a
     world = apartment.state.world
     assert world is not None
     assert world.world.scene.clearance.at(np.array([door.x, door.y])) == 0
-    apartment.do(c.ToggleDoor(door.door))
+    apartment.do(c.Ask(c.Action.DOOR, door.door))
     assert apartment.view.doors[0].is_open
 
 
 def test_a_change_that_would_hit_the_robot_is_refused_in_words(apartment: ApartmentSession) -> None:
     pose = apartment.state.live.robot.drawn_pose
-    shown = apartment.do(c.PutBox((float(pose[0]), float(pose[1]))))
+    shown = apartment.do(c.Ask(c.Action.PUT_BOX, (float(pose[0]), float(pose[1]))))
     assert "the robot is there" in said(shown)
     assert shown.moment.progress.world.things == ()
     assert not apartment.view.undo
@@ -90,52 +90,52 @@ def numbers(apartment: ApartmentSession) -> list[int]:
 
 def test_a_box_waits_for_its_place_on_the_floor_and_is_moved_to_another(apartment: ApartmentSession) -> None:
     near, far = ((each.x + 0.5 * (not each.along_x), each.y + 0.5 * each.along_x) for each in apartment.view.doors[:2])
-    apartment.do(c.AimBox(0))
+    apartment.do(c.Ask(c.Action.AIM_BOX, 0))
     assert apartment.view.aimed == 0
-    apartment.do(c.AimBox(0))
+    apartment.do(c.Ask(c.Action.AIM_BOX, 0))
     assert apartment.view.aimed is None, "asked for again it waits no longer"
-    apartment.do(c.AimBox(0))
-    apartment.do(c.PutBox(near))
+    apartment.do(c.Ask(c.Action.AIM_BOX, 0))
+    apartment.do(c.Ask(c.Action.PUT_BOX, near))
     assert apartment.view.aimed is None
-    apartment.do(c.AimBox(1))
-    shown = apartment.do(c.PutBox(far))
+    apartment.do(c.Ask(c.Action.AIM_BOX, 1))
+    shown = apartment.do(c.Ask(c.Action.PUT_BOX, far))
     assert numbers(apartment) == [1]
     assert shown.moment.progress.world.things[0].pose[:2] == pytest.approx(far)
-    apartment.do(c.AimBox(1), c.TakeBox(1))
+    apartment.do(c.Ask(c.Action.AIM_BOX, 1), c.Ask(c.Action.TAKE_BOX, 1))
     assert apartment.view.aimed is None, "what is gone waits for nothing"
-    refused = apartment.do(c.AimBox(7))
+    refused = apartment.do(c.Ask(c.Action.AIM_BOX, 7))
     assert "no box 7" in said(refused)
 
 
 def test_a_box_is_put_down_and_taken_away_and_each_change_is_undone(apartment: ApartmentSession) -> None:
     door = apartment.view.doors[1]
     place = door.x + (0.0 if door.along_x else 0.4), door.y + (0.4 if door.along_x else 0.0)
-    apartment.do(c.PutBox(place))
+    apartment.do(c.Ask(c.Action.PUT_BOX, place))
     assert numbers(apartment) == [1]
-    apartment.do(c.TakeBox(1))
+    apartment.do(c.Ask(c.Action.TAKE_BOX, 1))
     assert numbers(apartment) == []
-    shown = apartment.do(c.UndoWorldChange())
+    shown = apartment.do(c.Ask(c.Action.UNDO_CHANGE))
     assert shown.moment.progress.world.things[0].pose[:2] == place
-    apartment.do(c.UndoWorldChange())
+    apartment.do(c.Ask(c.Action.UNDO_CHANGE))
     assert numbers(apartment) == []
-    apartment.do(c.UndoWorldChange())
+    apartment.do(c.Ask(c.Action.UNDO_CHANGE))
     assert "nothing to undo" in (apartment.now.message or pytest.fail("nothing was said")).text
 
 
 def test_darker_light_makes_the_robots_image_darker(apartment: ApartmentSession) -> None:
     robot = apartment.state.live.robot
     before = robot.observe().rgb.mean()
-    apartment.do(c.SetLight(50))
+    apartment.do(c.Ask(c.Action.LIGHT, 50))
     assert robot.observe().rgb.mean() == pytest.approx(before / 2, rel=0.05)
 
 
 def test_a_recording_that_begins_later_tells_what_the_world_is_like(apartment: ApartmentSession) -> None:
     door = apartment.view.doors[0].door
-    apartment.do(c.ToggleDoor(door))
-    apartment.do(c.StartRecording())
+    apartment.do(c.Ask(c.Action.DOOR, door))
+    apartment.do(c.Ask(c.Action.RECORD))
     until(lambda: apartment.do().recording.name is not None)
-    apartment.do(c.ToggleDoor(door))
-    apartment.do(c.KeepRecording())
+    apartment.do(c.Ask(c.Action.DOOR, door))
+    apartment.do(c.Ask(c.Action.KEEP))
     until(lambda: apartment.do().recording.name is None)
     path = next(iter(apartment.state.library.folder.glob("*.rrd")))
     changes = [each.event.change for each in Recording.open(path).events if isinstance(each.event, WorldChanged)]
@@ -143,7 +143,7 @@ def test_a_recording_that_begins_later_tells_what_the_world_is_like(apartment: A
 
 
 def test_a_robot_in_a_real_world_has_nothing_to_change(harness: SessionHarness) -> None:
-    shown = harness.do(c.ToggleDoor(0))
+    shown = harness.do(c.Ask(c.Action.DOOR, 0))
     assert shown.world is None
     assert "Only a simulated world" in said(shown)
 
@@ -153,7 +153,7 @@ def test_in_another_map_the_story_names_the_command_that_opens_its_own_and_chang
 ) -> None:
     system = apartment.state.live_map.system
     assert "ltvn app" in apartment.do().no_story
-    shown = apartment.do(c.WatchItLearn())
+    shown = apartment.do(c.Ask(c.Action.WATCH_IT_LEARN))
     assert "ltvn app" in said(shown)
     assert shown.story == ()
     assert apartment.state.live_map.system is system
@@ -191,15 +191,15 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     nodes = [add_node(apartment, end, away_m), add_node(apartment, start, 0.0)]
     apartment.do(c.EditMap(connect_by_action(state.live_map.graph, nodes[1], nodes[0], "Take the lift")))
     until(lambda: state.live_map.graph.edges, meanwhile=apartment.session.tick)
-    apartment.do(c.NavigateTo(nodes[0]))
+    apartment.do(c.Ask(c.Action.GOAL, nodes[0]))
     until(lambda: state.actions.state() is ActionState.PENDING, meanwhile=apartment.session.tick)
-    apartment.do(c.EndAction(succeeded=True))
+    apartment.do(c.Ask(c.Action.END_ACTION, 1))
     until(lambda: apartment.now.waiting is None, meanwhile=apartment.session.tick)
     stands = end if not away_m else start
     np.testing.assert_allclose(state.live.robot.drawn_pose[:2], stands[:2], atol=0.3)
     message = apartment.now.message
     assert (message is not None and "stays" in message.text) == bool(away_m)
-    apartment.do(c.Cancel())
+    apartment.do(c.Ask(c.Action.CANCEL))
     until(lambda: apartment.session.mode is c.Mode.TELEOP, meanwhile=apartment.session.tick)
     apartment.do(c.EditMap(tuple(NodeDropped(node, Cause.HAND) for node in nodes)))
 

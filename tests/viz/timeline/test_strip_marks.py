@@ -16,7 +16,8 @@ from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, Stri
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
 from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, adjacent_instant
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.wish_table import Action, command_for
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import command_for
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_FAULT
 from tests.viz.session_harness import SessionHarness, said
@@ -126,7 +127,7 @@ def test_looking_back_ends_with_one_press_and_whenever_somebody_drives(harness: 
 
 def test_a_person_is_told_that_now_cannot_be_played(harness: SessionHarness) -> None:
     harness.wait(5)
-    shown = harness.do(c.PlayTime())
+    shown = harness.do(c.Ask(c.Action.PLAY))
     assert "look back" in said(shown)
 
 

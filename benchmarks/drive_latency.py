@@ -28,7 +28,7 @@ from ltvn_viz.app import AppOptions, RunningApp, open_app
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.live_run import LiveRobot
 from ltvn_viz.session.options import DEMO_SCENE
-from ltvn_viz.verbs.jobs.robot_demo import PROFILE, robot_processes
+from ltvn_viz.verbs.robot_processes import PROFILE, robot_processes
 
 PRESSES = 60
 NODES, EDGES = 10_000, 50_000

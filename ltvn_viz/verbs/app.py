@@ -1,12 +1,15 @@
 """`ltvn app | replay`: the page in the browser."""
 
+import logging
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.errors import RecordingError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.body_option import BodyOption
@@ -14,12 +17,24 @@ from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
 from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
+if TYPE_CHECKING:
+    from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class AppSummary:
+    """Summary after the page was closed."""
+
+    scene: str
+    port: int
+
 
 @dataclass(frozen=True, kw_only=True)
 class AppVerb(FloorPlanOptions, Verb):
     """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
 
-    job = "ltvn_viz.verbs.jobs.app:open_page"
     renamed: ClassVar[Mapping[str, str]] = {"--method": "a navigation system is named by --system NAME in all verbs"}
 
     port: int = 8080
@@ -57,12 +72,54 @@ class AppVerb(FloorPlanOptions, Verb):
     stream: int | None = None
     """Port on 127.0.0.1 at which a Rerun viewer (`ltvn view`) can watch the recording while it is written."""
 
+    def run(self) -> AppSummary:
+        """Serve the page until interrupted; raises LtvnError."""
+        import viser  # noqa: F401  (first, so that an error names the extra of the page)
+
+        from ltvn_core.atomic_files import require_writable
+
+        try:
+            require_writable(self.recordings / "part")
+        except RecordingError as error:
+            _LOG.warning("Recordings can be replayed, but nothing can be recorded: %s", error)
+        return self.serve(self.lay_floor_plan(self.map))
+
+    def serve(
+        self, laid: "LaidFloorPlan | None", *, replay: str | None = None, at_s: float = 0.0, ask: str = ""
+    ) -> AppSummary:
+        """Serve the page with a floor plan, on a recording of the folder or on the robot. Raises LtvnError."""
+        from ltvn_core.verbs.jobs.stream import announce_stream
+        from ltvn_viz.app import AppOptions, run_app
+        from ltvn_viz.session.options import DEMO_SCENE
+
+        _LOG.info("Starting the app…")
+        options = AppOptions(
+            port=self.port,
+            scene=self.scene,
+            robot=self.robot,
+            map=self.map,
+            recordings=self.recordings,
+            system=self.system,
+            predictor=self.predictor,
+            weights=self.weights,
+            preset=self.preset,
+            maintenance=self.maintenance,
+            world=self.world,
+            seed=self.seed,
+            body=self.body,
+            stream=announce_stream(self.stream),
+            replay=replay,
+            replay_at_s=at_s,
+            replay_question=ask,
+            floor_plan=laid,
+        )
+        run_app(options, say=_LOG.info)
+        return AppSummary(self.scene or self.robot or DEMO_SCENE, self.port)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayVerb(FloorPlanOptions, Verb):
     """Open the page on a recording, with a slider over its time."""
-
-    job = "ltvn_viz.verbs.jobs.app:open_replay"
 
     recording: Positional[Path]
     """The .rrd file."""
@@ -73,3 +130,32 @@ class ReplayVerb(FloorPlanOptions, Verb):
     time, truth, or any other word in a link of the page."""
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
+
+    def run(self) -> AppSummary:
+        """Serve the page until interrupted; raises LtvnError."""
+        import viser  # noqa: F401  (first, so that an error names the extra of the page)
+
+        from ltvn_core.data.recording.info import read_info
+        from ltvn_core.readable_text import readable
+
+        recording = self._find()
+        page = AppVerb(port=self.port, scene=read_info(recording).scene, recordings=recording.parent)
+        laid = self.lay_floor_plan(recording)
+        return page.serve(laid, replay=readable(recording.name), at_s=self.at, ask=self.ask)
+
+    def _find(self) -> Path:
+        """Return the recording; a demo file that is given by its bare name is copied into `recordings` first."""
+        from ltvn_core.atomic_files import atomic_output
+        from ltvn_core.data.recording.demo_files import demo_file
+
+        if self.recording.exists():
+            return self.recording
+        shipped = demo_file(self.recording.name)
+        if shipped is None or self.recording.parent not in (Path(), Path("recordings")):
+            raise RecordingError(f"{self.recording} does not exist; give the path of a .rrd recording.")
+        copy = Path("recordings") / shipped.name
+        if not copy.exists():
+            with atomic_output(copy) as part:
+                shutil.copyfile(shipped, part)
+            _LOG.info("Copied the demo recording to %s.", copy)
+        return copy

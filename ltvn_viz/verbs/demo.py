@@ -1,11 +1,14 @@
 """`ltvn demo`: the page's main job, in the page or without a browser."""
 
+import logging
 from dataclasses import dataclass
 
 from ltvn_core.errors import OptionError
 from ltvn_core.verbs.demo import HeadlessDemoVerb
-from ltvn_core.verbs.verb import Summary, do_job
+from ltvn_core.verbs.verb import Summary
 from ltvn_viz.verbs.app import AppVerb
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +25,7 @@ class DemoVerb(HeadlessDemoVerb):
     def run(self) -> Summary:
         """Run the demo; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if self.robot:
-            return do_job("ltvn_viz.verbs.jobs.robot_demo:drive_robot", self)
+            return self._drive_robot()
         if self.headless:
             return super().run()
         if self.story:
@@ -37,3 +40,25 @@ class DemoVerb(HeadlessDemoVerb):
             stream=self.stream,
         )
         return page.run()
+
+    def _drive_robot(self) -> Summary:
+        """Start a ROS 2 robot and the page that drives it; in the demo apartment, use its ready-made map."""
+        from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
+        from ltvn_viz.session.options import DEMO_SCENE
+        from ltvn_viz.verbs.robot_processes import robot_processes
+
+        if self.headless or self.story:
+            raise OptionError("--robot needs the page; omit --headless and --story.")
+        _LOG.info("Starting a router, the simulated robot and its guard…")
+        with robot_processes(self.scene, "--seed", str(self.seed), "--body", self.body) as robot:
+            _LOG.info("For other programs of ROS 2 the robot is at %s.", robot.address)
+            page = AppVerb(
+                port=self.port,
+                robot=robot.place,
+                map=demo_file(DEMO_MAP) if self.scene == DEMO_SCENE else None,
+                seed=self.seed,
+                predictor=self.predictor,
+                weights=self.weights,
+                stream=self.stream,
+            )
+            return page.run()

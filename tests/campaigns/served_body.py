@@ -12,7 +12,7 @@ from ltvn_core.robots.ros2.served_robot import ServedRobot
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_viz.verbs.jobs.robot_demo import PROFILE
+from ltvn_viz.verbs.robot_processes import PROFILE
 from tests.waiting import until
 
 SCENE = "apartment-57"

@@ -22,7 +22,7 @@ from playwright.sync_api import Browser, Error
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_robot import open_ros_robot
 from ltvn_core.types import Twist
-from ltvn_viz.verbs.jobs.robot_demo import PROFILE, start_guard, start_router
+from ltvn_viz.verbs.robot_processes import PROFILE, start_guard, start_router
 from tests.browser.conftest import chromium  # noqa: F401  (a fixture)
 from tests.browser.drive_page import renderers
 from tests.browser.pages import open_page

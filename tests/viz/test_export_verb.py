@@ -11,8 +11,7 @@ import pytest
 from ltvn_core.data.exporting.map_files import placed_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
-from ltvn_viz.verbs.export import ExportVerb
-from ltvn_viz.verbs.jobs.export import ExportSummary
+from ltvn_viz.verbs.export import ExportSummary, ExportVerb
 from tests.core.data.importing.plan_files import write_plan
 from tests.repository import DEMO_DRIVE, DEMO_MAP
 

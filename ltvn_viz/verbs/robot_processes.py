@@ -1,6 +1,5 @@
-"""`ltvn demo --robot`: a ROS 2 robot, with each of its parts in its own process, and the page that drives it."""
+"""A simulated ROS 2 robot for `ltvn demo --robot`, with each of its parts in its own process."""
 
-import logging
 import multiprocessing
 import os
 import signal
@@ -14,16 +13,12 @@ from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 
 from ltvn_core.cli import run_verb
-from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
-from ltvn_core.errors import OptionError, RobotError
+from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink, check_address
 from ltvn_core.verbs.guard import GuardVerb
 from ltvn_core.verbs.serve import ServeVerb
-from ltvn_core.verbs.verb import Summary, Verb
-from ltvn_viz.session.options import DEMO_SCENE
-from ltvn_viz.verbs.app import AppVerb
-from ltvn_viz.verbs.demo import DemoVerb
+from ltvn_core.verbs.verb import Verb
 
 PROFILE = "sim_guarded"
 _PATIENCE_S = 120.0
@@ -161,25 +156,3 @@ def _follow_parent() -> None:
     assert parent is not None
     parent.join()
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-_LOG = logging.getLogger(__name__)
-
-
-def drive_robot(options: DemoVerb) -> Summary:
-    """Start a ROS 2 robot and the page that drives it; in the demo apartment, use its ready-made map."""
-    if options.headless or options.story:
-        raise OptionError("--robot needs the page; omit --headless and --story.")
-    _LOG.info("Starting a router, the simulated robot and its guard…")
-    with robot_processes(options.scene, "--seed", str(options.seed), "--body", options.body) as robot:
-        _LOG.info("For other programs of ROS 2 the robot is at %s.", robot.address)
-        page = AppVerb(
-            port=options.port,
-            robot=robot.place,
-            map=demo_file(DEMO_MAP) if options.scene == DEMO_SCENE else None,
-            seed=options.seed,
-            predictor=options.predictor,
-            weights=options.weights,
-            stream=options.stream,
-        )
-        return page.run()

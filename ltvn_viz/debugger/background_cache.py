@@ -72,6 +72,7 @@ class LatestAnswer:
         """Start without an answer."""
         self._asked: tuple[Hashable, Callable[[], Any]] | None = None
         self._newest: Any | None = None
+        self._about: object = None
 
     def __call__(self, cache: BackgroundCache, question: Hashable, compute: Callable[[], Any]) -> Any | None:
         """Return the newest answer, or None before the first one; raises the LtvnError of a failed computation."""
@@ -87,6 +88,12 @@ class LatestAnswer:
     def is_behind(self) -> bool:
         """Whether the last returned answer belongs to an earlier question, and the new one is being computed."""
         return self._asked is not None
+
+    def about(self, subject: object) -> None:
+        """Discard the old answer if it is about another subject, such as another run."""
+        if subject != self._about:
+            self._about = subject
+            self.forget()
 
     def forget(self) -> None:
         """Discard the old answer, because the question is a different one now."""

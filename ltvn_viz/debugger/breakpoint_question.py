@@ -12,7 +12,7 @@ from ltvn_core.analysis.event_text import edge_text
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.timeline.breakpoint_monitor import Breakpoint, BreakpointMonitor
 from ltvn_viz.wishes.commands import QuestionRequest
 
@@ -119,9 +119,7 @@ def _jump(context: DebugContext, stop: Mark, label: str = "") -> Link:
 
 def _overlay(context: DebugContext, breakpoints: Sequence[Breakpoint]) -> Overlay:
     """Draw the edges and nodes of the breakpoints."""
-    ends = [tuple(map(context.pose, pair)) for each in breakpoints for pair in pairwise(each.ids)]
+    edges = [pair for each in breakpoints for pair in pairwise(each.ids)]
     nodes = [each.ids[0] for each in breakpoints if len(each.ids) == 1]
-    strokes = tuple(
-        stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
-    )
+    strokes = context.strokes(edges, palette.EDGE_REMOVED)
     return Overlay(strokes, dict.fromkeys(nodes, palette.EDGE_REMOVED)) if strokes or nodes else EMPTY_OVERLAY

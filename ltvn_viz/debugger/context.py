@@ -3,24 +3,29 @@
 Owns the common interface to the live run and to an open recording. Computes only the values that it caches.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
+from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, ltvn_edge_weight
 from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.palette import Rgb8
 from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, known_system
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, is_usable
 from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.session.activities.playback import ReplayMethod
+from ltvn_viz.session.inspection import Stroke, stroke
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.saved_files import SavedFile
@@ -42,18 +47,12 @@ class PredictorView(NamedTuple):
         return recorded_observation(seen, self.camera, self.predictor.camera)
 
 
-class Comparison(Protocol):
-    """How images are compared."""
+class EdgeWeighting(NamedTuple):
+    """Edge weights of the navigation system that planned."""
 
-    @property
-    def predictor(self) -> Predictor:
-        """The predictor that compares them."""
-        ...
-
-    @property
-    def method(self) -> Method:
-        """The thresholds, with the constants measured for the predictor."""
-        ...
+    edge_weight_of: EdgeWeightFactory
+    note: str
+    """A note for the person; usually empty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ class DebugContext:
     """Returns an image by its frame; None if it is not in memory. For the session's thread only."""
     camera: CameraModel
     """Camera of the run's images, which may differ from the predictor's."""
-    comparison: Callable[[], Comparison]
+    comparison: Callable[[], ReplayMethod]
     """Returns how the images are compared; the first call may open a predictor, which takes seconds."""
     weights: str
     """Fingerprint of the network that the run was made with; empty if unknown."""
@@ -149,6 +148,22 @@ class DebugContext:
     def pose(self, node: NodeId) -> Pose | None:
         """Return the pose (3,) at which a node is drawn; None if unknown."""
         return self.timeline.frames.pose(node)
+
+    def strokes(self, edges: Iterable[EdgeKey], colour: Rgb8) -> tuple[Stroke, ...]:
+        """Return a line for each edge whose ends have a known pose."""
+        ends = ((self.pose(source), self.pose(target)) for source, target in edges)
+        return tuple(stroke(start, end, colour) for start, end in ends if start is not None and end is not None)
+
+    @property
+    def edge_weighting(self) -> EdgeWeighting:
+        """Return the edge weights of the run: those of the system that planned in it, or else those of the paper."""
+        entry = known_system(self.system)
+        if entry is not None:
+            note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans use the edge costs of {entry.name}."
+            return EdgeWeighting(lambda method: entry.factory(method).edge_weight, note)
+        named = f"names the system “{self.system}”, which is not known here" if self.system else "names no system"
+        note = f"The recording {named}; both plans use the edge costs of {DEFAULT_SYSTEM}."
+        return EdgeWeighting(ltvn_edge_weight, note)
 
     def revision(self, *kinds: type) -> tuple[int, int]:
         """Return two numbers: the map changes so far, and the events of these kinds so far.

@@ -1,8 +1,9 @@
-"""Presence of an edge: its history of open and blocked times, its present p(open), and a forecast.
+"""Presence of an edge: when it was open and blocked, p(open) now and later, and the plans that p(open) decided.
 
 Owns the texts. The numbers come from `ltvn_core.analysis.edge_presence_history`.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,11 +12,14 @@ from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, Pre
 from ltvn_core.analysis.edge_history import EdgeHistory
 from ltvn_core.analysis.edge_presence_history import (
     ObservedPresence,
+    PresenceDecision,
     PresenceState,
     PresenceStrip,
     expected_open_s,
+    explain_decision,
     observed_presence,
     presence_as_if,
+    presence_decision,
     presence_state,
     presence_strip,
 )
@@ -28,7 +32,7 @@ from ltvn_core.terminal_text import count_text
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
-from ltvn_viz.session.inspection import Stroke, stroke
+from ltvn_viz.session.inspection import Stroke
 from ltvn_viz.wishes.commands import PointAt
 
 _TITLE = "When is it open?"
@@ -66,7 +70,6 @@ class EdgePresencePart:
     def __init__(self) -> None:
         """Start with an empty cache."""
         self._latest = LatestAnswer()
-        self._asked: object = None
 
     def add_edge(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
         """Show when an edge was open, is open and will be open; nothing if no edge was ever seen blocked or
@@ -78,9 +81,7 @@ class EdgePresencePart:
         seen = context.graph.presence[edge]
         now_s = context.world_s
         asked = context.name, context.start_s, edge, context.known_filter
-        if asked != self._asked:
-            self._asked = asked
-            self._latest.forget()
+        self._latest.about(asked)
         question = "presence", *asked, seen, round(now_s)
         forecast = self._latest(
             context.in_background, question, lambda: _forecast(seen, context.known_filter, round(now_s, 1))
@@ -169,8 +170,7 @@ def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke
         builder.add_line(f"… and {len(ordered) - _ROWS} more with a higher probability.")
     _note(context, builder)
     colours = {edge: STATE_COLOURS[presence_state(p)] for edge, p in found.items()}
-    ends = [(context.pose(edge[0]), context.pose(edge[1]), colour) for edge, colour in colours.items()]
-    return tuple(stroke(start, end, colour) for start, end, colour in ends if start is not None and end is not None)
+    return tuple(line for edge, colour in colours.items() for line in context.strokes([edge], colour))
 
 
 def _edge_row(context: DebugContext, edge: EdgeKey, p: float) -> tuple[Inline, ...]:
@@ -194,3 +194,102 @@ def strip_times(observations: Sequence[PresenceObservation], now_s: float, *, ah
     even = [first + (now_s + ahead_s - first) * number / count for number in range(count + 1)]
     looks = [at_s for seen in observations for at_s in (seen.stamp_s - 1e-3, seen.stamp_s)]
     return tuple(sorted({*even, now_s, *(at_s for at_s in looks if at_s >= first)}))
+
+
+_EARLIER = 8
+_PLANS = 40
+"""Number of the latest plans up to the moment that are searched."""
+_TRIED = "Why did the robot try it, or go around?"
+
+
+class EdgeDecisionsPart:
+    """Explains plans by p(open); caches the last result."""
+
+    def __init__(self) -> None:
+        """Start with an empty cache."""
+        self._latest = LatestAnswer()
+
+    def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+        """Explain the last plan in which an edge was driven or avoided although it was last seen blocked; return the
+        strokes.
+
+        Without `edge`, explain the last such plan of any edge. Earlier such plans are listed with links. Adds nothing
+        if the edge was never observed, or plans ignore presence.
+        """
+        if context.presence_filter is None or not _was_seen(context, edge):
+            return ()
+        found = self._decisions(context)
+        if found is None:
+            builder.add_pending("Planning once more", title=_TRIED)
+            return ()
+        chosen = [each for each in found if edge in (None, each.edge)]
+        if not chosen:
+            builder.add_behind(self._latest)
+            which = "an edge" if edge is None else "it"
+            builder.add_line(
+                Strong(_TRIED), f" Up to now, no shortest path led through {which} that was last seen blocked."
+            )
+            return ()
+        made = chosen[-1]
+        _explain(context, made, self._latest, builder)
+        _others(context, [each for each in found if each is not made], builder)
+        return _strokes_of(context, made)
+
+    def _decisions(self, context: DebugContext) -> Sequence[PresenceDecision] | None:
+        count = context.timeline.count_until(context.instant)
+        plans = [plan for plan in context.timeline.plans if plan.event < count][-_PLANS:]
+        last = plans[-1].event if plans else -1
+        run = context.name, context.start_s
+        self._latest.about(run)
+        timeline, planning, judge = context.timeline.copy(), context.method.planning, context.presence_filter
+        assert judge is not None
+        weight = context.edge_weighting.edge_weight_of(context.method)
+
+        def explain() -> list[PresenceDecision]:
+            made = (presence_decision(timeline, plan, planning, judge, weight=weight) for plan in plans)
+            return [each for each in made if each is not None]
+
+        return self._latest(context.in_background, ("tried", *run, last), explain)
+
+
+def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
+    """Tell whether an edge was observed up to the moment; for None, whether any edge was."""
+    if edge is None:
+        return bool(context.graph.presence)
+    return bool(observed_presence(context.timeline, *edge, context.instant))
+
+
+def _explain(context: DebugContext, made: PresenceDecision, latest: LatestAnswer, builder: AnswerBuilder) -> None:
+    title = "Why did the robot try it?" if made.tried else "Why did the robot go around?"
+    when = time_link(context.seconds(made.plan.instant))
+    query = made.plan.planned.query
+    builder.add_line(Strong(title), f" Query {query}, ", when, ", edge ", edge_link(*made.edge), ".")
+    builder.add_behind(latest)
+    for sentence in explain_decision(made):
+        builder.add_line(sentence.replace("->", "→").replace(" x ", " × "))
+    builder.add_line(
+        Key(palette.TARGET, "through"), Key(palette.PLAN, "around"), Key(palette.EDGE_REMOVED, "seen blocked")
+    )
+
+
+def _others(context: DebugContext, others: Sequence[PresenceDecision], builder: AnswerBuilder) -> None:
+    if not others:
+        return
+    rows = [
+        (
+            time_link(context.seconds(each.plan.instant)),
+            edge_link(*each.edge),
+            f"{each.p:.2f}",
+            "tried" if each.tried else "around",
+        )
+        for each in reversed(others[-_EARLIER:])
+    ]
+    builder.add_table(("before", "edge", "p open", "it"), rows)
+
+
+def _strokes_of(context: DebugContext, made: PresenceDecision) -> tuple[Stroke, ...]:
+    return (
+        *context.strokes(itertools.pairwise(made.around.nodes), palette.PLAN),
+        *context.strokes(itertools.pairwise(made.through.nodes), palette.TARGET),
+        *context.strokes([made.edge], palette.EDGE_REMOVED),
+    )

@@ -1,6 +1,6 @@
 """The edge microscope: images, prediction, belief and attempts of an edge, then the reasons for them, and its presence.
 
-Owns the order of the parts, and the first of them; the others are `edge_reasons`, `edge_presence` and `edge_decisions`.
+Owns the order of the parts, and the first of them; the others are `edge_reasons` and `edge_presence`.
 """
 
 import re
@@ -30,8 +30,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Waypoint
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.edge_decisions import EdgeDecisionsPart
-from ltvn_viz.debugger.edge_presence import EdgePresencePart, add_all_edges
+from ltvn_viz.debugger.edge_presence import EdgeDecisionsPart, EdgePresencePart, add_all_edges
 from ltvn_viz.debugger.edge_reasons import add_edge_reasons, add_node_reasons
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, time_link
 from ltvn_viz.session.inspection import (

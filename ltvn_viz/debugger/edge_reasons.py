@@ -15,7 +15,6 @@ from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
 from ltvn_viz.wishes.commands import PointAt
 
@@ -77,7 +76,7 @@ def _chosen(context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: A
     timeline = context.timeline.copy()
     planning = context.method.planning
     last = story.planned_at[-1]
-    how = edge_weighting(context)
+    how = context.edge_weighting
     weight = how.edge_weight_of(context.method)
     # Replanning is slow on a large map, and the answer stays valid until the next plan.
     reasons = context.in_background(

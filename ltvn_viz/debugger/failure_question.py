@@ -5,7 +5,7 @@ Owns the layout of the answer, and the curves of success, nodes and edges over q
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,18 +20,18 @@ from ltvn_core.analysis.failure_triage import (
     group_by_place,
 )
 from ltvn_core.analysis.lifelong_success import LifelongSuccess, SuccessDip, lifelong_success
+from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted_edges, map_gap
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
-from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
-from ltvn_core.types import FrameId
+from ltvn_core.types import FrameId, NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.failure_map import add_map_faults
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.wishes.commands import Action, Ask, PointAt, QuestionRequest
 
 _NEXT = {
@@ -44,6 +44,7 @@ _NEXT = {
 WINDOW = 10
 """Number of queries over which success is averaged."""
 _ROWS = 10
+_MAP_ROWS = 6
 _HEAD = ("query", "cause", "near node")
 _POINTS = 200
 _DIPS = 3
@@ -208,7 +209,7 @@ def _detail(
     )
     builder.add_line(wrong, f" {failure.text}")
     builder.add_line(_what_to_ask(failure, "It drove"))
-    add_map_faults(context, failure, builder)
+    _add_map_faults(context, failure, builder)
 
 
 def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
@@ -245,12 +246,13 @@ def _last_edge(query: QueryRecord) -> EdgeKey | None:
 
 def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
     """Mark the places where queries failed, the last one in another colour."""
-    strokes = []
     last = shown[-1] if shown else None
-    for failure in shown:
-        ends = [] if failure.edge is None else [context.pose(node) for node in failure.edge]
-        if len(ends) == 2 and ends[0] is not None and ends[1] is not None:
-            strokes.append(stroke(ends[0], ends[1], palette.TARGET if failure is last else palette.EDGE_REMOVED))
+    strokes = [
+        line
+        for failure in shown
+        if failure.edge is not None
+        for line in context.strokes([failure.edge], palette.TARGET if failure is last else palette.EDGE_REMOVED)
+    ]
     nodes = {failure.node: palette.EDGE_REMOVED for failure in shown if failure.node is not None}
     if last is not None and last.node is not None:
         nodes[last.node] = palette.TARGET
@@ -331,3 +333,55 @@ def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]
         ends[edge] = what
     ranked = sorted(counts, key=lambda edge: (ends[edge] != "pruned", -counts[edge]))
     return [(edge, ends[edge]) for edge in ranked[:_EDGES]]
+
+
+@dataclass(frozen=True, slots=True)
+class MapFaults:
+    """The faults found in a map."""
+
+    contradicted: tuple[ContradictedEdge, ...]
+    gap: MapGap | None
+    """Gap in the map; None unless the query failed because there was no path."""
+
+
+def _add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
+    """Report suspicious parts of the map at the beginning of the query; nothing if there are none."""
+    graph = context.timeline.graph_before(failure.query.first)
+    question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
+    faults: MapFaults | None = context.in_background(question, _search(graph, failure))
+    if faults is None:
+        builder.add_pending("Searching the map")
+        return
+    _contradicted(faults.contradicted, builder)
+    if faults.gap is not None:
+        _gap(faults.gap, builder)
+
+
+def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFaults]:
+    is_without_way = failure.query.outcome is Outcome.NO_PATH
+    start: NodeId | None = failure.node if is_without_way else None
+
+    def search() -> MapFaults:
+        """Search for the faults; runs in the worker's thread."""
+        gap = None if start is None else map_gap(graph, start, failure.query.goal)
+        return MapFaults(contradicted=contradicted_edges(graph), gap=gap)
+
+    return search
+
+
+def _contradicted(found: Sequence[ContradictedEdge], builder: AnswerBuilder) -> None:
+    if not found:
+        return
+    builder.add_line("Odometry contradicts edges of the first map: their ends may be two places that look alike.")
+    rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in found[:_MAP_ROWS]]
+    builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
+
+
+def _gap(gap: MapGap, builder: AnswerBuilder) -> None:
+    builder.add_line(
+        f"The first map has a gap: paths lead from node {gap.start} to {gap.reached} nodes, and from {gap.leading} "
+        f"other nodes to node {gap.goal}."
+    )
+    rows = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
+    if rows:
+        builder.add_table(("nearest across the gap", "d by odometry"), rows)

@@ -57,7 +57,6 @@ class GroundTruthQuestion(Question[Never]):
     def __init__(self) -> None:
         """Start without an answer."""
         self._latest = LatestAnswer()
-        self._about: tuple[str, str] = "", ""
         self._offered: tuple[object, bool] = None, False
 
     def is_offered(self, context: DebugContext) -> bool:
@@ -78,9 +77,7 @@ class GroundTruthQuestion(Question[Never]):
         if (why_not := _unknown(context)) is not None:
             builder.add_line(why_not)
             return builder.build()
-        if self._about != (context.name, context.scene):
-            self._about = context.name, context.scene
-            self._latest.forget()
+        self._latest.about((context.name, context.scene))
         events = context.timeline.events[: context.timeline.count_until(context.instant)]
         poses = _poses(context, events)
         near = context.method.building.connect_distance

@@ -18,7 +18,7 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
 from ltvn_viz.timeline.strip_marks import adjacent_mark
 
 _LAST = 3
@@ -140,13 +140,10 @@ def _ghosts(context: DebugContext, pruned: Sequence[Mark]) -> tuple[Stroke, ...]
     """Return a line for each pruned edge; older lines are fainter."""
     share = np.linspace(1 - _FAINTEST, 0.0, len(pruned)) if len(pruned) > 1 else np.zeros(len(pruned))
     colours = palette.faded(palette.EDGE_REMOVED, share, 1.0)
-    strokes = []
-    for mark, colour in zip(pruned, colours.tolist(), strict=True):
-        start = context.pose(mark.ids[0])
-        end = context.pose(mark.ids[1])
-        if start is not None and end is not None:
-            strokes.append(stroke(start, end, Rgb8(*colour)))
-    return tuple(strokes)
+    marked = zip(pruned, colours.tolist(), strict=True)
+    return tuple(
+        line for mark, colour in marked for line in context.strokes([(mark.ids[0], mark.ids[1])], Rgb8(*colour))
+    )
 
 
 def _young(context: DebugContext) -> tuple[NodeId, ...]:

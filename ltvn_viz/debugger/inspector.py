@@ -14,7 +14,6 @@ from ltvn_core.analysis.answer import Answer, Paragraph
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
-from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.types import FrameId, NodeId, Observation
 from ltvn_viz.debugger.answer_html import answer_html
 from ltvn_viz.debugger.background_cache import BackgroundCache
@@ -56,6 +55,7 @@ class DebugContextBuilder:
             return self._of_replay(state, state.activity, moment)
         run = state.live.timeline
         live_map = state.live_map
+        presence = live_map.system.presence
         return DebugContext(
             name="",
             scene=state.scene,
@@ -69,7 +69,7 @@ class DebugContextBuilder:
             comparison=lambda: ReplayMethod(live_map.predictor, live_map.system.method),
             weights=live_map.fingerprint,
             system=live_map.system.name,
-            presence_filter=_live_filter(state),
+            presence_filter=presence.presence_filter if isinstance(presence, FilteredPresence) else None,
             live_map=live_map,
             live=run,
             in_background=self._in_background,
@@ -103,11 +103,6 @@ class DebugContextBuilder:
             self._known_events = len(run.events)
             self._due = self._clock() + _COUNT_EVERY_S
         return self._known_events
-
-
-def _live_filter(state: AppState) -> PresenceFilter | None:
-    presence = state.live_map.system.presence
-    return presence.presence_filter if isinstance(presence, FilteredPresence) else None
 
 
 def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None]:

@@ -31,10 +31,10 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
-from ltvn_viz.debugger.context import DebugContext, PredictorView
+from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.backend import NO_PREDICTOR
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
 from ltvn_viz.wishes.commands import PointAt, QuestionRequest
 
 _COLOURED = 1000
@@ -79,7 +79,6 @@ class LocalisationQuestion(Question[FindAliases]):
         self._heat = LatestAnswer()
         self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
         self._asked: tuple[object, ...] | None = None
-        self._run = ""
 
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether the run ever had a map."""
@@ -112,9 +111,7 @@ class LocalisationQuestion(Question[FindAliases]):
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> ColouredHeat | None:
         nodes = tuple(context.graph.nodes)
         frame = context.moment.frame
-        if context.name != self._run:
-            self._run = context.name
-            self._heat.forget()
+        self._heat.about(context.name)
         seen = None if frame is None else context.observation(frame)
         if not nodes or seen is None:
             builder.add_line("The map is empty." if not nodes else "There is no image at this moment.")
@@ -271,10 +268,7 @@ def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: Ans
     for pair in found[:_PAIRS]:
         link = Link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
         builder.add_line(link, f": {pair.sentence}")
-    ends = [(context.pose(pair.first), context.pose(pair.second)) for pair in found[:_PAIRS]]
-    return tuple(
-        stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
-    )
+    return context.strokes([(pair.first, pair.second) for pair in found[:_PAIRS]], palette.EDGE_REMOVED)
 
 
 class NodeImageLoader:
@@ -303,22 +297,16 @@ class NodeImageLoader:
         return self._keyframes, len(missing)
 
     def _is_free(self, context: DebugContext) -> bool:
-        return self._reading is None or context.in_background(self._reading, _nothing) is not None
+        return self._reading is None or context.in_background(self._reading, lambda: True) is not None
 
     def _read_on(self, context: DebugContext, keyframes: KeyframeStore, nodes: Sequence[NodeId]) -> None:
         self._read.update(nodes)
         seen = [picture for picture in map(context.observation, nodes) if picture is not None]
         self._reading = ("sights", *self._run, len(self._read))
-        context.in_background(self._reading, _added(keyframes, seen, context.view))
+        view = context.view
 
+        def add() -> bool:
+            keyframes.add([image for image in map(view.of, seen) if image is not None])
+            return True
 
-def _added(keyframes: KeyframeStore, seen: Sequence[Observation], view: PredictorView) -> Callable[[], bool]:
-    def add() -> bool:
-        keyframes.add([image for image in map(view.of, seen) if image is not None])
-        return True
-
-    return add
-
-
-def _nothing() -> bool:
-    return True
+        context.in_background(self._reading, add)

@@ -22,7 +22,6 @@ from ltvn_viz.session.inspection import (
     QuestionAnswer,
     QuestionName,
     Selection,
-    stroke,
 )
 from ltvn_viz.wishes.commands import Action, Ask, Command, EditMap, QuestionRequest, Seek
 
@@ -180,8 +179,7 @@ def _replayed(graph: TopologicalGraph, changes: Sequence[MapChange]) -> ManualEd
 
 def _overlay(context: DebugContext, selection: Selection) -> Overlay:
     pair = selection.pair
-    ends = () if pair is None else tuple(pose for pose in map(context.pose, pair) if pose is not None)
-    strokes = (stroke(*ends, palette.TARGET),) if len(ends) == 2 else ()
+    strokes = () if pair is None else context.strokes([pair], palette.TARGET)
     nodes = {} if pair is None else {pair[0]: palette.SOURCE, pair[1]: palette.TARGET}
     if selection.node is not None:
         nodes.setdefault(selection.node, palette.SOURCE)

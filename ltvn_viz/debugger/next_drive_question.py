@@ -17,7 +17,7 @@ from ltvn_core.types import Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.wishes.commands import Action, Ask, PointAt
 
@@ -100,10 +100,8 @@ def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
 
 
 def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) -> Overlay:
-    ends = [(context.pose(loop.first), context.pose(loop.second)) for loop in advice.missing_closures]
-    strokes = tuple(
-        stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
-    )
+    loops = [(loop.first, loop.second) for loop in advice.missing_closures]
+    strokes = context.strokes(loops, palette.EDGE_REMOVED)
     apart = [node for part in advice.strongly_connected_components[1:] for node in part][:_COLOURED]
     ghosts = ()
     if advice.target is not None:

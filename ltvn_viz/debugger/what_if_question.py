@@ -1,15 +1,16 @@
 """What if: the old and the new plan side by side."""
 
 import math
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import TypeAlias, assert_never
+from typing import NamedTuple, TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, Step, Strong, joined
 from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -22,27 +23,28 @@ from ltvn_core.analysis.what_if_changes import (
     format_what_if_change,
     parse_what_if_change,
 )
-from ltvn_core.analysis.what_if_scenario import EdgeCostParts, PlanDifference, planner_state_at
-from ltvn_core.analysis.world_clock import clock_text
-from ltvn_core.errors import OptionError
-from ltvn_core.graph.planner import GraphPath
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.palette import Rgb8
-from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
-from ltvn_viz.debugger.what_if_planning import (
-    OFFERED_TIMES,
-    WhatIfOutcome,
-    WhatIfResult,
-    add_open_edges,
-    plan_both_ways,
-    presence_moment,
+from ltvn_core.analysis.what_if_scenario import (
+    EdgeCostParts,
+    EdgeWeightFactory,
+    PlanDifference,
+    PlannerState,
+    PresenceMoment,
+    planner_state_at,
+    replan,
 )
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay, clock_text
+from ltvn_core.config import Method
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
+OFFERED_TIMES = (WithTime(TimeOfDay(18 * 3600.0)), WithTime(TimeAway(3600.0)), WithTime(TimeAway(DAY_S)))
+"""Times that are offered as links; others may be typed."""
 _BEFORE_REMOVAL_S = 1.0
 _FORGET = "forget "
 _ALL = "all"
@@ -68,6 +70,46 @@ class ForgetAllChanges(QuestionRequest):
 
 
 WhatIfRequest: TypeAlias = ImagineChange | ForgetChange | ForgetAllChanges
+
+
+class WhatIfResult(NamedTuple):
+    """Result of a what-if question."""
+
+    plans: PlanDifference
+    asked: PlannerState
+    """State of the planner for the new plan."""
+
+
+WhatIfOutcome: TypeAlias = WhatIfResult | str
+"""A result, or the reason why there is none."""
+
+
+def _plan_both_ways(
+    graph: TopologicalGraph,
+    situation: PlannerState,
+    method: Method,
+    changes: tuple[WhatIfChange, ...],
+    edge_weight_of: EdgeWeightFactory,
+    presence: PresenceMoment | None,
+) -> WhatIfOutcome:
+    """Plan with and without the changes; copies the map twice and runs two searches, eight if edges may be closed."""
+    if not all(isinstance(each, WithGoal | WithStart) for each in changes):
+        situation = _placed(situation, changes)
+    try:
+        plans = replan(graph, situation, method, changes, edge_weight_of=edge_weight_of, presence=presence)
+    except LtvnError as error:
+        return str(error)
+    return WhatIfResult(plans, _placed(situation, changes))
+
+
+def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> PlannerState:
+    """Return the situation at the imagined place, so that both plans start there and differ only by other changes."""
+    for each in changes:
+        if isinstance(each, WithGoal):
+            situation = replace(situation, goal=each.goal)
+        elif isinstance(each, WithStart):
+            situation = replace(situation, source=each.source)
+    return situation
 
 
 class WhatIfQuestion(Question[WhatIfRequest]):
@@ -150,7 +192,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         graph = context.graph
         situation = planner_state_at(context.timeline, context.instant)
         changes = self._all
-        how = edge_weighting(context)
+        how = context.edge_weighting
         known = (
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
             situation.source,
@@ -159,8 +201,9 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             round(context.world_s) if context.graph.presence else 0,
         )
         question = "what if", context.name, self._told, *known, *situation.failures.items()
-        presence = presence_moment(context)
-        plan = partial(plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of, presence)
+        judge = context.presence_filter
+        presence = PresenceMoment(judge, context.world_s) if judge is not None and context.graph.presence else None
+        plan = partial(_plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of, presence)
         outcome: WhatIfOutcome | None = context.in_background(question, plan)
         if outcome is None:
             builder.add_pending("Planning both ways")
@@ -247,7 +290,7 @@ def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:
     for note in plans.notes:
         builder.add_line(note)
     if plans.old_open != plans.new_open:
-        add_open_edges(plans, builder)
+        _add_open_edges(plans, builder)
     asked = answer.asked
     if asked.source is not None and asked.goal is not None:
         builder.add_line(f"From {asked.source} to {asked.goal}: ", Strong(plans.sentence))
@@ -271,15 +314,32 @@ def _row(plan: str, priced: EdgeCostParts) -> tuple[Inline, ...]:
 
 def _overlay(context: DebugContext, plans: PlanDifference) -> Overlay:
     strokes = (
-        *_strokes(context, plans.old, palette.PLAN),
-        *_strokes(context, plans.new, palette.EDGE_ADDED, plans.added_edges),
+        *context.strokes(pairwise(plans.old.nodes), palette.PLAN),
+        *context.strokes([edge for edge in pairwise(plans.new.nodes) if edge in plans.added_edges], palette.EDGE_ADDED),
     )
     return Overlay(strokes) if strokes else EMPTY_OVERLAY
 
 
-def _strokes(
-    context: DebugContext, path: GraphPath, colour: Rgb8, only: tuple[EdgeKey, ...] | None = None
-) -> tuple[Stroke, ...]:
-    keys = [key for key in pairwise(path.nodes) if only is None or key in only]
-    ends = [(context.pose(source), context.pose(target)) for source, target in keys]
-    return tuple(stroke(start, end, colour) for start, end in ends if start is not None and end is not None)
+def _add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
+    """Report the edges that would change between open and closed."""
+    then = plans.new_open
+    count = sum(p >= OPEN_ABOVE for p in then.values())
+    before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())
+    builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would count as open, now {before}.")
+    changed = [edge for edge in then if _state_of(plans.old_open, edge) is not _state_of(then, edge)]
+    rows = [
+        (
+            edge_link(*edge),
+            f"{plans.old_open.get(edge, 1.0):.2f} {_state_of(plans.old_open, edge)}",
+            f"{then[edge]:.2f} {_state_of(then, edge)}",
+        )
+        for edge in changed[:_ROWS]
+    ]
+    if rows:
+        builder.add_table(("edge", "p open now", "p open then"), rows)
+    if len(changed) > _ROWS:
+        builder.add_line(f"… and {len(changed) - _ROWS} more.")
+
+
+def _state_of(probabilities: Mapping[EdgeKey, float], edge: EdgeKey) -> PresenceState:
+    return presence_state(probabilities.get(edge, 1.0))

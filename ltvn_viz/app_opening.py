@@ -60,8 +60,6 @@ from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import question_commands
-from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import OpenRecording
@@ -316,11 +314,11 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot
     floor = floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)
-    screen = _Screen()
+    painter = Painter(server.viser.atomic)
     session = Session(
         state,
         server.seat,
-        screen.publish,
+        painter.publish,
         absence=lambda: server.presence.absence,
         is_seen=lambda: server.presence.is_somebody_there,
     )
@@ -336,10 +334,9 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         ),
         Floor(*floor),
     )
-    screen.painter = Painter(parts, server.viser.atomic)
-    screen.painter.start()
-    stack.callback(screen.painter.close)
-    server.listen(drive_listener(session))
+    painter.start(parts)
+    stack.callback(painter.close)
+    server.listen(session.listener)
     if options.replay is not None:
         asked = question_commands(options.replay_question, session.state.debugger.words)
         session.send(OpenRecording(options.replay, options.replay_at_s, asked))
@@ -367,12 +364,3 @@ def _floor_around(pose: Pose) -> tuple[Pose, Pose]:
     """Return two corners (x_m, y_m) around a robot at `pose` (3,), for a floor whose extent is unknown."""
     middle = np.nan_to_num(pose[:2])
     return middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
-
-
-class _Screen:
-    """Connects session and painter, each of which needs the other to be created."""
-
-    painter: Painter
-
-    def publish(self, snapshot: Snapshot) -> None:
-        self.painter.publish(snapshot)

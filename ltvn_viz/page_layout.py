@@ -42,8 +42,7 @@ from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
 from ltvn_viz.session.snapshot import Message, Snapshot
-from ltvn_viz.wishes.commands import Action, Command, Value
-from ltvn_viz.wishes.wish_table import command_for
+from ltvn_viz.wishes.commands import Action, Ask, Command, Value
 
 logger = logging.getLogger(__name__)
 _log = LimitedLog(logger)
@@ -80,9 +79,10 @@ def _show_all(parts: Iterable[PagePart], snapshot: Snapshot) -> list[str]:
 class Painter:
     """Draws the newest snapshot by all layers and panels."""
 
-    def __init__(self, parts: Sequence[PagePart], batch: "Batch") -> None:
-        """Draw `parts` in this order, within `batch()`, so that the page applies all changes of a snapshot at once."""
-        self._parts = parts
+    def __init__(self, batch: Callable[[], AbstractContextManager[None]]) -> None:
+        """Draw within `batch()`, so that the page applies all changes of a snapshot at once."""
+        self.parts: Sequence[PagePart] = ()
+        """The layers and panels, in drawing order."""
         self._batch = batch
         self._change = threading.Condition()
         self._newest: Snapshot | None = None
@@ -90,8 +90,9 @@ class Painter:
         self._closing = False
         self._thread = threading.Thread(target=self._paint_forever, name="painter", daemon=True)
 
-    def start(self) -> None:
-        """Begin drawing."""
+    def start(self, parts: Sequence[PagePart]) -> None:
+        """Begin drawing by these parts, in this order."""
+        self.parts = parts
         self._thread.start()
 
     def publish(self, snapshot: Snapshot) -> None:
@@ -103,7 +104,7 @@ class Painter:
     def paint(self, snapshot: Snapshot) -> None:
         """Draw one snapshot now; a part that fails is named on the page, and does not keep the others from drawing."""
         with self._batch():
-            self._failed = _show_all(self._parts, self._with_failure(snapshot))
+            self._failed = _show_all(self.parts, self._with_failure(snapshot))
 
     def _with_failure(self, snapshot: Snapshot) -> Snapshot:
         """Return a snapshot whose message names the parts that could not be drawn last time, if there are any."""
@@ -144,14 +145,6 @@ class WhenShown:
         failed = _show_all(self._parts, snapshot) if self._is_shown() else []
         if failed:
             raise NotDrawnError(*failed)
-
-
-class Batch(Protocol):
-    """Groups messages to the page, such as `viser.ViserServer.atomic`."""
-
-    def __call__(self) -> AbstractContextManager[None]:
-        """Begin a group."""
-        ...
 
 
 TITLE = "Lifelong Topological Visual Navigation"
@@ -196,7 +189,7 @@ def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[Page
     gui = server.gui
 
     def ask(action: Action, value: Value = None) -> None:
-        send(command_for(action, value))
+        send(Ask(action, value))
 
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()

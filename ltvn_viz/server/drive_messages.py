@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from ltvn_core.structured_text import parse_json
 from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
 from ltvn_viz.server.keymap import Direction
-from ltvn_viz.wishes.commands import Action, Value
+from ltvn_viz.wishes.commands import Action, Ask, Value
 from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES
 
 MAX_MESSAGE_BYTES = 4096
@@ -36,15 +36,6 @@ class DriveMessage:
 
 
 @dataclass(frozen=True, slots=True)
-class ActionMessage:
-    """One press or click."""
-
-    action: Action
-    value: Value = None
-    """Subject of the action, of the type that the action requires."""
-
-
-@dataclass(frozen=True, slots=True)
 class HereMessage:
     """A sign of life, which each page sends regularly."""
 
@@ -65,7 +56,7 @@ class ViewMessage:
     """Whether it shows the 3D scene, and not the plan view."""
 
 
-PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage | ViewMessage | HereMessage
+PageMessage: TypeAlias = DriveMessage | Ask | LinkMessage | ViewMessage | HereMessage
 
 HERE = HereMessage()
 
@@ -87,7 +78,7 @@ def parse_message(text: str | bytes) -> PageMessage:
             return DriveMessage(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch), _whole(age) / 1000)
         case {"type": "action", "action": str(name), "value": value} if len(fields) == 3:
             action = _action(name)
-            return ActionMessage(action, _carried(action, value))
+            return Ask(action, _carried(action, value))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
         case {"type": "view", "scene": bool(shows_scene)} if len(fields) == 2:

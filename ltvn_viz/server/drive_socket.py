@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Any
 
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
@@ -20,7 +21,6 @@ from ltvn_core.types import Twist
 from ltvn_viz.server.drive_messages import (
     BEAT_MESSAGE,
     MAX_MESSAGE_BYTES,
-    ActionMessage,
     DriveMessage,
     HereMessage,
     LinkMessage,
@@ -33,7 +33,7 @@ from ltvn_viz.server.drive_messages import (
 )
 from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, Presence, StopReason
 from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget
-from ltvn_viz.wishes.commands import Action, Value
+from ltvn_viz.wishes.commands import Action, Ask
 from ltvn_viz.wishes.wish_table import WISHES, Audience
 
 logger = logging.getLogger(__name__)
@@ -50,13 +50,13 @@ class DriveListener:
     """Callbacks of the drive socket. The server's or the watchdog's thread calls them, one at a time; they must not
     block."""
 
-    on_drive: Callable[[ClientId, Twist], None] = lambda client, twist: None
+    on_drive: Callable[[Twist], None] = lambda twist: None
     """Called when the driver's input was accepted; repeated at 20 Hz while it is held."""
-    on_stop: Callable[[ClientId | None, StopReason], None] = lambda client, reason: None
+    on_stop: Callable[[StopReason], None] = lambda reason: None
     """Called when the motion ended, or a person pressed stop."""
-    on_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
+    on_command: Callable[[Ask], None] = lambda command: None
     """Called when an action was requested by a key or a click."""
-    on_link: Callable[[ClientId, str], None] = lambda client, query: None
+    on_link: Callable[[str], None] = lambda query: None
     """Called when a page was opened by a link with this query."""
     on_absence: Callable[[], None] = lambda: None
     """Called when the last page is gone."""
@@ -212,12 +212,12 @@ class DriveSocket:
         with self._telling:
             for event in self.seat.take_events():
                 if isinstance(event, DriveAccepted):
-                    self._call(self.listener.on_drive, event.client, event.twist)
+                    self._call(self.listener.on_drive, event.twist)
                 else:
                     # Without a drive socket there is no robot, so its stop is not worth a line in the log.
                     level = logging.INFO if self._loop is not None else logging.DEBUG
                     self._stop_log.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
-                    self._call(self.listener.on_stop, event.client, event.reason)
+                    self._call(self.listener.on_stop, event.reason)
         self._wake.set()
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._tell_pages)
@@ -253,23 +253,23 @@ class DriveSocket:
                 return
             case DriveMessage(held, epoch, age_s):
                 self.seat.receive(page.client, held, epoch, age_s)
-            case ActionMessage(Action.STOP):
+            case Ask(Action.STOP):
                 self.seat.stop(page.client)
-            case ActionMessage(Action.TAKE_OVER):
+            case Ask(Action.TAKE_OVER):
                 self.seat.take_over(page.client)
-            case ActionMessage(Action.RELEASE):
+            case Ask(Action.RELEASE):
                 self.seat.release(page.client)
-            case ActionMessage(action, value):
+            case Ask(action):
                 free = WISHES[action].audience is Audience.EVERYBODY
-                self._pass_on(page, self.listener.on_action, action, value, free=free)
+                self._pass_on(page, self.listener.on_command, message, free=free)
             case LinkMessage(query):
                 self._pass_on(page, self.listener.on_link, query, free=False)
         self.settle()
 
-    def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
+    def _pass_on(self, page: _Page, tell: Callable[[Any], None], said: object, *, free: bool) -> None:
         """Pass the request of a page to the listener, if all pages are allowed to make it or the page has the seat."""
         if free or self._sits(page):
-            self._call(tell, page.client, *said)
+            self._call(tell, said)
 
     def _sits(self, page: _Page) -> bool:
         """Return whether a page has the seat, which it takes if it is free; if not, tell the page which one has it."""

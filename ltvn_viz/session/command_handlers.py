@@ -401,4 +401,4 @@ _WITH_VALUE: Mapping[c.Action, Callable[[AppState, Any], None]] = {
     c.Action.TELL: lambda state, text: _ask(state, state.debugger.handle_text(text)),
     c.Action.FOLLOW: lambda state, number: _ask(state, state.debugger.link(number) or c.ReportError(_STALE_LINK)),
 }
-"""What each wish with a value does; the value fits, because `wish_table.command_for` checked it."""
+"""What each wish with a value does; the value fits, because `server.drive_messages` checked it."""

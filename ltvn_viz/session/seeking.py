@@ -3,7 +3,7 @@
 Owns stepping from event to event, and looking back during a run. `ltvn_core.analysis.timeline` knows the events.
 """
 
-from ltvn_core.analysis.timeline_records import Instant, MarkKind
+from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
@@ -67,7 +67,7 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
         state.activity.play(playing=False)
     state.plays_past = False
     run = state.shown_run
-    at = _instant(state)
+    at = run.instant_at(_shown_stamp(state))
     if kind is None:
         found = adjacent_instant(run, at, forwards=forwards)
     else:
@@ -80,10 +80,6 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
     else:
         thing = "query" if kind is MarkKind.QUERY_START else kind or "event"
         state.say(f"There is no {thing} {'after' if forwards else 'before'} this moment.")
-
-
-def _instant(state: AppState) -> Instant:
-    return state.shown_run.instant_at(_shown_stamp(state))
 
 
 def _shown_stamp(state: AppState) -> float:

@@ -12,10 +12,11 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.errors import LtvnError, OptionError, RobotError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
-from ltvn_viz.server.driver_seat import Absence
+from ltvn_viz.server.drive_socket import DriveListener
+from ltvn_viz.server.driver_seat import Absence, StopReason
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -24,6 +25,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import handle, take_made_recording
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.seeking import let_time_pass, show_now
+from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
 from ltvn_viz.session.world_handlers import advance_activity, carry_out_changes, go_on_with_story
@@ -83,6 +85,31 @@ class Session:
         self._wakes = SimpleQueue[None]()
         self._is_stopping = False
         self._unseen_until = float("-inf")
+
+    @property
+    def listener(self) -> DriveListener:
+        """The listener of the pages' drive sockets, through which the session reacts at once."""
+
+        def on_stop(reason: StopReason) -> None:
+            if reason in (StopReason.STOPPED, StopReason.TAKEN_OVER):
+                self.send(c.Ask(c.Action.STOP))
+            self.wake()
+
+        def on_link(query: str) -> None:
+            try:
+                asked = commands_from_link(query, self.state.debugger.words)
+            except OptionError as error:
+                asked = (c.ReportError(str(error)),)
+            for command in asked:
+                self.send(command)
+
+        return DriveListener(
+            on_drive=lambda _: self.wake(),
+            on_stop=on_stop,
+            on_command=self.send,
+            on_link=on_link,
+            on_absence=self.wake,
+        )
 
     @property
     def mode(self) -> Mode:

@@ -17,7 +17,6 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.navigation.events import ActionBegun, Severity
 from ltvn_core.robots.link_report import LinkReport
-from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene, door_names
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
@@ -103,19 +102,10 @@ class FloorChoice(NamedTuple):
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     """Return the doors of a scene, all open."""
-    named = zip(door_names(scene), scene.parts.doors, strict=True)
-    return tuple(_door(number, name, doorway) for number, (name, doorway) in enumerate(named))
-
-
-def _door(number: int, name: str, doorway: Doorway) -> DoorView:
-    x, y = doorway.middle
-    return DoorView(
-        door=number,
-        label=name,
-        x=x,
-        y=y,
-        along_x=doorway.axis == 1,
-        width_m=doorway.width_m,
+    named = enumerate(zip(door_names(scene), scene.parts.doors, strict=True))
+    return tuple(
+        DoorView(number, name, *door.middle, along_x=door.axis == 1, width_m=door.width_m)
+        for number, (name, door) in named
     )
 
 

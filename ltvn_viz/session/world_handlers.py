@@ -87,7 +87,10 @@ def go_on_with_story(state: AppState) -> None:
     is_idle = state.activity is state.teleop
     if story.is_over:
         if is_idle and not state.worker.pending:
-            _tidy_up(state, story)
+            if deltas := story.leftovers():
+                change_map(state, deltas)
+            else:
+                story.close()
         return
     if story.lead() or state.worker.pending or state.teleop.is_mapping:
         return
@@ -98,10 +101,3 @@ def go_on_with_story(state: AppState) -> None:
             change_map(state, deltas)
         case _:
             pass
-
-
-def _tidy_up(state: AppState, story: StoryTeller) -> None:
-    if deltas := story.leftovers():
-        change_map(state, deltas)
-    else:
-        story.close()

@@ -102,10 +102,10 @@ MOST_MINUTES = 60
 
 
 Value: TypeAlias = int | str | tuple[float, float] | None
-"""Value that comes with a wish; `wish_table.Carried` checks those of a page."""
+"""Value that comes with a wish; `server.drive_messages` checks those of a page."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Ask:
     """Fulfil a wish of the page's table. TAKE_OVER means that a person drives, which ends whatever gives the robot its
     steps; the seat itself changes hands before."""

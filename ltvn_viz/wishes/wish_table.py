@@ -191,14 +191,6 @@ _OTHERS: Mapping[type[Command], tuple[frozenset[Mode], str]] = {
 """Legal modes and names of the commands outside the table; all others are legal in every mode."""
 
 
-def command_for(action: Action, value: Value = None) -> Command:
-    """Return the command of an action, or the message that it does not accept the value."""
-    wish = WISHES[action]
-    if not wish.carries.fits(value):
-        return c.ReportError(f"“{wish.help}” does not accept the value {str(value)[:40]!r}.")
-    return Ask(action, value)
-
-
 def refusal(command: Command, mode: Mode) -> str | None:
     """Return why `command` is illegal in `mode`, and what makes it possible; None if it is legal."""
     if isinstance(command, Ask):

@@ -40,9 +40,9 @@ class ReceivedInput:
 
     def listener(self) -> DriveListener:
         return DriveListener(
-            on_drive=lambda _, twist: self.drives.put((time.monotonic(), twist)),
-            on_stop=lambda _, reason: self.stops.put((time.monotonic(), reason)),
-            on_action=lambda _, action, target: self.actions.put((action, target)),
+            on_drive=lambda twist: self.drives.put((time.monotonic(), twist)),
+            on_stop=lambda reason: self.stops.put((time.monotonic(), reason)),
+            on_command=lambda asked: self.actions.put((asked.action, asked.value)),
         )
 
     def forget(self) -> None:

@@ -20,7 +20,6 @@ from ltvn_viz.session.goals import node_picture
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import FlatWorld, two_rooms
@@ -59,18 +58,17 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
         server.add_route("/seen/", lambda frame: node_picture(harness.state.shown_observation, frame))
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
         server.add_route(SAVED_PREFIX, harness.state.saved_files.read, ending=SAVED_ENDING)
-        painters: list[Painter] = []
+        painter = Painter(server.viser.atomic)
         session = Session(
             harness.state,
             server.seat,
-            lambda snapshot: _show(harness, painters[0], snapshot),
+            lambda snapshot: _show(harness, painter, snapshot),
             absence=lambda: server.presence.absence,
         )
         assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
         parts = build_layout(server, session.send, assets, FLOOR)
-        painters.append(Painter(parts, server.viser.atomic))
-        painters[0].start()
-        server.listen(drive_listener(session))
+        painter.start(parts)
+        server.listen(session.listener)
         thread = threading.Thread(target=session.run, name="session")
         thread.start()
         try:
@@ -78,7 +76,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
         finally:
             session.stop()
             thread.join(timeout=10)
-            painters[0].close()
+            painter.close()
 
 
 def until_shown(app: FlatApp, holds: Callable[[Snapshot], bool], *, patience_s: float = PATIENCE_S) -> Snapshot:

@@ -19,10 +19,6 @@ Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
 images."""
 
 
-def _nothing() -> None:
-    """Do nothing."""
-
-
 class MapBuildingCancelled(Exception):
     """A person cancelled the building of the map."""
 
@@ -37,7 +33,7 @@ class MapBuilding:
         live: LiveRun,
         worker: Worker,
         rebuild: Rebuild,
-        then: Callable[[], None] = _nothing,
+        then: Callable[[], None] = lambda: None,
         *,
         findings: Callable[[], Sequence[Finding]],
     ) -> None:

@@ -19,7 +19,6 @@ from ltvn_viz.session.seeking import seek_mark
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Action, Mode
-from ltvn_viz.wishes.wish_table import command_for
 from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import answer_of, follow, words
 from tests.viz.session_harness import SessionHarness, said
@@ -128,9 +127,7 @@ def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -
 
 def test_keys_go_from_query_to_query_and_from_event_to_event_and_back_to_now(past: Past) -> None:
     def press(action: Action) -> Snapshot:
-        command = command_for(action, None)
-        assert command is not None
-        return past.do(command)
+        return past.do(c.Ask(action))
 
     assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.second_s, abs=1e-3)
     assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.begins_s, abs=1e-3)

@@ -309,7 +309,8 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
 
     told: list[s.Message | None] = []
     status = StatusPanel(server.gui)
-    painter = Painter([Broken(), status, Told()], server.atomic)
+    painter = Painter(server.atomic)
+    painter.parts = [Broken(), status, Told()]
     painter.paint(snapshot)
     painter.paint(snapshot)
     assert "manual" in status.line.content

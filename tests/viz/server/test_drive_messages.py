@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from ltvn_viz.server.drive_messages import ActionMessage, DriveMessage, MessageError, parse_message
+from ltvn_viz.server.drive_messages import DriveMessage, MessageError, parse_message
 from ltvn_viz.server.driver_seat import HeldInput
 from ltvn_viz.server.keymap import Direction
-from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.commands import Action, Ask
 from ltvn_viz.wishes.wish_table import MAX_TEXT
 
 DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3, "age": 40}
@@ -19,7 +19,7 @@ def test_a_drive_message_carries_everything_that_is_held() -> None:
 
 
 def test_an_action_may_name_what_was_clicked() -> None:
-    assert parse_message(json.dumps(ACTION | {"action": "pick", "value": 17})) == ActionMessage(Action.PICK, 17)
+    assert parse_message(json.dumps(ACTION | {"action": "pick", "value": 17})) == Ask(Action.PICK, 17)
 
 
 @pytest.mark.parametrize(
@@ -81,4 +81,4 @@ def test_text_that_is_no_message_is_refused(text: str) -> None:
 
 def test_half_a_surrogate_pair_in_a_message_is_replaced() -> None:
     opened = parse_message('{"type": "action", "action": "open", "value": "\\ud800.rrd"}')
-    assert opened == ActionMessage(Action.OPEN, "\ufffd.rrd")
+    assert opened == Ask(Action.OPEN, "\ufffd.rrd")

@@ -92,7 +92,7 @@ def test_the_page_shows_nothing_of_a_session_and_leaves_no_cookie(server: Guarde
 
 def test_a_link_reaches_the_app_unless_somebody_else_drives(server: GuardedServer) -> None:
     heard: queue.Queue[str] = queue.Queue()
-    server.listen(DriveListener(on_link=lambda _, query: heard.put(query)))
+    server.listen(DriveListener(on_link=heard.put))
     with open_socket(server, "/drive") as page:
         page.send(json.dumps({"type": "link", "query": "replay=a.rrd"}))
         assert heard.get(timeout=PATIENCE_S) == "replay=a.rrd"

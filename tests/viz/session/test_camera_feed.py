@@ -10,8 +10,7 @@ from ltvn_core.types import Depth, Pose, Rgb, Twist
 from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.snapshot import ImageSource, Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action
-from ltvn_viz.wishes.wish_table import command_for
+from ltvn_viz.wishes.commands import Action, Ask
 from tests.viz.session_harness import SessionHarness
 
 AHEAD = Twist(0.4, 0.4)
@@ -43,7 +42,7 @@ def harness(tmp_path: Path, drawn: Drawn) -> Iterator[SessionHarness]:
 
 
 def switch(harness: SessionHarness, is_on: int) -> None:
-    harness.do(command_for(Action.LARGER_PICTURE, is_on))
+    harness.do(Ask(Action.LARGER_PICTURE, is_on))
 
 
 def source(now: Snapshot) -> ImageSource | None:

@@ -10,8 +10,7 @@ from ltvn_viz.server.driver_seat import IDLE_S, Absence, DriverSeat, Loss
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action, Mode
-from ltvn_viz.wishes.wish_table import command_for
+from ltvn_viz.wishes.commands import Mode
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
 from tests.viz.session_harness import SessionHarness, said
 
@@ -77,9 +76,7 @@ def test_a_long_run_in_simulation_may_go_on_and_that_is_off_until_asked_for(
     harness: SessionHarness, pages: Pages
 ) -> None:
     assert harness.now.keeps_going is False
-    on = command_for(Action.KEEP_GOING, 1)
-    assert on is not None
-    harness.do(on, c.Ask(c.Action.GOAL, harness.far_node), ticks=5)
+    harness.do(c.Ask(c.Action.KEEP_GOING, 1), c.Ask(c.Action.GOAL, harness.far_node), ticks=5)
     pages.absence = CLOSED
     assert harness.now.keeps_going is True
     assert harness.until(lambda now: now.mode is Mode.TELEOP).moment.progress.reached == 1

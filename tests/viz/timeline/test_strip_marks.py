@@ -16,8 +16,7 @@ from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, Stri
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
 from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, adjacent_instant
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action
-from ltvn_viz.wishes.wish_table import command_for
+from ltvn_viz.wishes.commands import Action, Ask
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_FAULT
 from tests.viz.session_harness import SessionHarness, said
@@ -97,9 +96,7 @@ def test_a_moment_is_told_once_and_time_that_only_goes_on_now_and_then(is_now: b
 
 
 def do(harness: SessionHarness, action: Action, target: int | None = None) -> TimelineStatus:
-    command = command_for(action, target)
-    assert command is not None
-    return harness.do(command).timeline
+    return harness.do(Ask(action, target)).timeline
 
 
 def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(harness: SessionHarness) -> None:

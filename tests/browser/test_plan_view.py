@@ -64,7 +64,7 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
 @pytest.fixture
 def hands(app: RunningApp, page: Page) -> PlanHands:
     """A page that shows the whole floor and asks nothing."""
-    app.session.send(c.ChooseQuestion(QuestionName.NONE))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.NONE))
     until(lambda: not app.session.state.debugger.is_on)
     hands = PlanHands(app, page)
     hands.show_whole()
@@ -73,7 +73,7 @@ def hands(app: RunningApp, page: Page) -> PlanHands:
 
 def ask_by_hand(app: RunningApp) -> None:
     """Open the question to which every click on a node or an edge is an answer."""
-    app.session.send(c.ChooseQuestion(QuestionName.HAND))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.HAND))
     until(lambda: app.session.state.debugger.is_on)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-import viser
 
 from ltvn_viz.server.drive_messages import MessageError, parse_message
 from ltvn_viz.server.page_messages import read_viser_message
@@ -16,7 +15,7 @@ from tests.browser.flat_app import FlatApp, serving
 from tests.campaigns.tally import Tally
 from tests.viz.hostile_messages import HostileMessages, Targets, is_readable, targets_of
 from tests.viz.page_sockets import PageSockets, open_sockets
-from tests.viz.test_watchers import own_control, require_unchanged, state_of
+from tests.viz.test_watchers import require_unchanged, state_of
 
 SEED = 14
 WATCHERS = 30
@@ -38,8 +37,6 @@ def crowd(folder: Path, watchers: int) -> Iterator[tuple[FlatApp, PageSockets, l
             stack.enter_context(page.reading())
             stack.enter_context(page.staying())
         pages[0].take_seat()
-        for page in pages[1:]:
-            own_control(page, viser.GuiCheckboxHandle)
         yield app, pages[0], pages[1:]
 
 

@@ -48,7 +48,7 @@ def test_a_recording_answers_what_failed(tmp_path: Path) -> None:
 
 
 def test_a_navigation_system_of_ones_own_reaches_goals(tmp_path: Path) -> None:
-    said = run("03_write_a_navigation_system.py", cwd=tmp_path)
+    said = run("03_write_a_navigation_system.py", save(box_house(), tmp_path / "house.glb"), cwd=tmp_path)
     assert said.count("arrived") >= 2
 
 

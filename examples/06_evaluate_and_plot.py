@@ -31,7 +31,7 @@ def evaluate(system: str, folder: Path, episodes: int, scene: str) -> EvaluateSu
     return summary
 
 
-def main(folder: Path, episodes: int = 10, scene: str = "demo") -> None:
+def main(folder: Path, episodes: int, scene: str) -> None:
     """Evaluate two systems and save a bar plot with 95 % intervals."""
     found = [evaluate(system, folder, episodes, scene) for system in SYSTEMS]
     for system, summary in zip(SYSTEMS, found, strict=True):
@@ -48,5 +48,5 @@ def main(folder: Path, episodes: int = 10, scene: str = "demo") -> None:
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    main(Path(given[0] if given else "."), *map(int, given[1:2]), *given[2:3])
+    folder, episodes, scene = [*sys.argv[1:], *(".", "10", "demo")[len(sys.argv) - 1 :]]
+    main(Path(folder), int(episodes), scene)

@@ -26,7 +26,7 @@ def my_system(method: ltvn.Method) -> ltvn.NavigationSystem:
     )
 
 
-def main(scene: str = "demo", queries: int = 3) -> None:
+def main(scene: str, queries: int = 3) -> None:
     """Map a scene with it, given by its name or as a mesh file, and drive to a few places."""
     simulation = ltvn.open_simulation(scene, seed=0)
     rng = np.random.default_rng(0)
@@ -42,4 +42,4 @@ def main(scene: str = "demo", queries: int = 3) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main(sys.argv[1] if len(sys.argv) > 1 else "demo")

@@ -4,6 +4,7 @@ Here plans take the fewest edges instead of the shortest way, and the map never 
 `ltvn evaluate --system` and the page know, name `my_system` in your package's entry points `ltvn.systems`.
 """
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -25,13 +26,13 @@ def my_system(method: ltvn.Method) -> ltvn.NavigationSystem:
     )
 
 
-def main(queries: int = 3) -> None:
-    """Map the demo apartment with it, and drive to a few places."""
-    simulation = ltvn.open_simulation("demo", seed=0)
+def main(scene: str, queries: int = 3) -> None:
+    """Map a scene with it, given by its name or as a mesh file, and drive to a few places."""
+    simulation = ltvn.open_simulation(scene, seed=0)
     rng = np.random.default_rng(0)
     drive = list(drive_tour(simulation.robot, simulation.scene, rng, loops=1))
-    oracle = ltvn.open_predictor("oracle", "demo")
-    topological_map = ltvn.build_map(drive, predictor=oracle, system=my_system(ltvn.ROBUST), scene="demo")
+    oracle = ltvn.open_predictor("oracle", scene)
+    topological_map = ltvn.build_map(drive, predictor=oracle, system=my_system(ltvn.ROBUST), scene=scene)
 
     navigator = topological_map.navigator(simulation.robot)
     goals = rng.choice(list(topological_map.graph.nodes), queries, replace=False).tolist()
@@ -41,4 +42,4 @@ def main(queries: int = 3) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1] if len(sys.argv) > 1 else "demo")

@@ -1,7 +1,8 @@
 """Test navigation systems as the paper does, and plot how often they reach their goals.
 
-`ltvn evaluate` is the same from the command line. With the `oracle` predictor and few episodes it takes a minute; leave
-`predictor` out for the network, and take 100 episodes and three seeds for figures that you want to publish.
+`ltvn evaluate` is the same from the command line. The `oracle` predictor, few episodes and a small apartment make it
+quick; leave `predictor` out for the network, and take 100 episodes, three seeds and several scenes, by name or as mesh
+files of your own, for figures that you want to publish.
 """
 
 import sys
@@ -14,10 +15,10 @@ from ltvn_core.verbs.jobs.evaluate import EvaluateSummary, EvaluateVerb
 SYSTEMS = ("ltvn", "sptm")
 
 
-def evaluate(system: str, folder: Path, episodes: int) -> EvaluateSummary:
-    """Map the demo apartment with a system and drive random episodes; results that lie in `folder` are read."""
+def evaluate(system: str, folder: Path, episodes: int, scene: str) -> EvaluateSummary:
+    """Map the scene with a system and drive random episodes; results that lie in `folder` are read."""
     summary = EvaluateVerb(
-        scene=("demo",),
+        scene=(scene,),
         system=system,
         predictor="oracle",
         finetune_steps=0,
@@ -30,9 +31,9 @@ def evaluate(system: str, folder: Path, episodes: int) -> EvaluateSummary:
     return summary
 
 
-def main(folder: Path, episodes: int = 10) -> None:
+def main(folder: Path, episodes: int, scene: str) -> None:
     """Evaluate two systems and save a bar plot with 95 % intervals."""
-    found = [evaluate(system, folder, episodes) for system in SYSTEMS]
+    found = [evaluate(system, folder, episodes, scene) for system in SYSTEMS]
     for system, summary in zip(SYSTEMS, found, strict=True):
         print(f"{system}: {summary.success_rate:.0%} of {summary.episodes} episodes, {summary.nodes:.0f} nodes")
 
@@ -47,4 +48,5 @@ def main(folder: Path, episodes: int = 10) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "."), int(sys.argv[2]) if len(sys.argv) > 2 else 10)
+    folder, episodes, scene = [*sys.argv[1:], *(".", "10", "demo")[len(sys.argv) - 1 :]]
+    main(Path(folder), int(episodes), scene)

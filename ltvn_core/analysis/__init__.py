@@ -7,12 +7,12 @@ is passed in as a `Predictor`. The page only shows these results. The names belo
 from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_missing_edge, explain_pruned_edge
 from ltvn_core.analysis.edge_history import edge_history
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.failure_triage import failed_queries, group_by_failure_mode, group_by_place
 from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.localisation_confidence import find_perceptual_aliases
 from ltvn_core.analysis.map_comparison import compare_maps, map_metrics
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.navigation.event_text import describe_event
 
 __all__ = [
     "Timeline",

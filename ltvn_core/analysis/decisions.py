@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
 
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.config import Method
@@ -19,6 +18,7 @@ from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.localiser import LOCAL
 from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation import events as e
+from ltvn_core.navigation.event_text import describe_event
 
 
 class RuleUse(NamedTuple):

@@ -13,11 +13,11 @@ from enum import StrEnum
 from math import hypot, inf
 from typing import NamedTuple
 
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import (
     ActionEnded,
     AttemptEnd,

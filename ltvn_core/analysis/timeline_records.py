@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,

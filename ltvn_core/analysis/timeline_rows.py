@@ -1,7 +1,7 @@
 """Collects the events of a run into queries, plans, attempts and marks, one event after the other.
 
 Owns the treatment of events that are cut off or have no beginning, the choice of events that get a mark, and the choice
-of marks at which stepping through the run stops. `analysis.event_text` makes the text of a mark, and the page its
+of marks at which stepping through the run stops. `navigation.event_text` makes the text of a mark, and the page its
 look. Each event takes constant time.
 """
 

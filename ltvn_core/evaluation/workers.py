@@ -98,7 +98,13 @@ def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterato
     # One thread each: several processes use the cores better than several threads in one.
     backend = {"backend": "loky", "inner_max_num_threads": 1} if count > 1 else {"backend": "sequential"}
     with parallel_config(**backend), Parallel(n_jobs=count, return_as="generator_unordered") as parallel:
-        yield parallel
+        yield lambda jobs: _each_here(work) if len(work := list(jobs)) == 1 else parallel(work)
+
+
+def _each_here(work: Iterable[Any]) -> Iterator[Any]:
+    """Do a single job in this process; another would have to load the program first."""
+    for function, arguments, options in work:
+        yield function(*arguments, **options)
 
 
 @contextmanager

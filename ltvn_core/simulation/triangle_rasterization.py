@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ltvn_core.simulation.clearance_map import Mask
@@ -58,6 +57,8 @@ def clip_to_heights(triangles: Triangles, low_m: float, high_m: float) -> Triang
         if len(cut) and np.isfinite(height):
             corners = cut.reshape(-1, 3)
             faces = np.arange(3 * len(cut)).reshape(-1, 3)
-            sliced = trimesh.intersections.slice_faces_plane(corners, faces, [0, 0, up], [0, 0, height])
+            from trimesh.intersections import slice_faces_plane  # Takes long, and few scenes are cut.
+
+            sliced = slice_faces_plane(corners, faces, [0, 0, up], [0, 0, height])
             cut = np.asarray(sliced[0])[np.asarray(sliced[1])].reshape(-1, 3, 3)
     return np.concatenate([near[whole], cut])

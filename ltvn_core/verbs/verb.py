@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from ltvn_core.errors import OptionError, PluginError
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.verbs.outputs import SummaryFile, require_outputs
 
 _SENTENCE = 60
@@ -100,7 +101,9 @@ class Verb:
 def do_job(job: str, options: Verb) -> Summary:
     """Import a job's module and run the job; all verbs load their libraries here. Raises LtvnError."""
     module, _, function = job.partition(":")
-    return getattr(import_module(module), function)(options)
+    with garbage_collection_paused():  # A fifth of the time that importing takes.
+        loaded = import_module(module)
+    return getattr(loaded, function)(options)
 
 
 def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:

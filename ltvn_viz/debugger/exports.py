@@ -15,7 +15,6 @@ from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.data.recording.excerpt import event_window, time_span, write_excerpt
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.evaluation.reports.map_svg import map_layout, map_svg
-from ltvn_viz.layers.scene_html import scene_html
 from ltvn_viz.session.recording_library import RecordingLibrary
 
 
@@ -69,4 +68,6 @@ def draw_map(
     if svg is not None:
         write_text_atomically(svg, map_svg(drawn))
     if html is not None:
+        from ltvn_viz.layers.scene_html import scene_html  # Imports viser, which no answer needs.
+
         write_text_atomically(html, scene_html(recording, drawn))

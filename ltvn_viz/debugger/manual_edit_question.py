@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, joined
-from ltvn_core.analysis.event_text import describe_delta
 from ltvn_core.analysis.manual_edits import connect_by_action, inverse_deltas, protect_edge, remove_edge
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.event_text import describe_delta
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.inspection import (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.rendering.floor_picture import floor_picture
-from ltvn_core.simulation.scene import CORNER_LIGHT, to_glb
+from ltvn_core.simulation.scene_glb import CORNER_LIGHT, to_glb
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
 from ltvn_core.structured_text import parse_json

@@ -7,13 +7,15 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
-
-import viser
+from typing import TYPE_CHECKING
 
 from ltvn_core import palette
 from ltvn_viz.server.keymap import key_label
 from ltvn_viz.wishes.commands import Action
 from ltvn_viz.wishes.wish_table import WISHES
+
+if TYPE_CHECKING:
+    import viser
 
 REACHED_BY_TAB = 'role="button" tabindex="0"'
 """Makes an element with an action reachable by keyboard, as a button is; Enter presses it."""
@@ -243,7 +245,7 @@ def number_grid(*rows: tuple[str, str]) -> str:
 class HtmlBlock:
     """A piece of HTML in a panel that is sent again only when it changed."""
 
-    def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
+    def __init__(self, gui: "viser.GuiApi", content: str = "") -> None:
         """Add the block to the open container."""
         self._handle = gui.add_html(content)
         self.content = content

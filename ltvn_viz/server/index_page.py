@@ -15,7 +15,7 @@ from websockets.http11 import Response
 from ltvn_core import palette
 from ltvn_viz.server.glossary import TERMS
 from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows, us_caps
-from ltvn_viz.server.requests import HTML, reply
+from ltvn_viz.server.requests import HTML, LINK_PARAMETERS, reply
 from ltvn_viz.server.strip_kinds import strip_tables
 from ltvn_viz.wishes.wish_table import WISHES, Audience
 
@@ -97,8 +97,6 @@ _COLOURS = {
 }
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
-LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool")
-"""Parameters of links, which the page's script reads and removes from its address."""
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"
 

@@ -44,6 +44,8 @@ NOTHING_ALLOWED = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; 
 """Content policy of all responses except the page itself."""
 
 TEXT = "text/plain; charset=utf-8"
+LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool")
+"""Parameters of links, which the page's script reads and removes from its address."""
 HTML = "text/html; charset=utf-8"
 
 OTHER_HOST = (

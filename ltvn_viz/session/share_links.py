@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from urllib.parse import parse_qs, urlencode
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.server.index_page import LINK_PARAMETERS
+from ltvn_viz.server.requests import LINK_PARAMETERS
 from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.wishes.commands import Action, Ask, Command, OpenRecording, PointAt
 

@@ -77,8 +77,15 @@ def test_an_unknown_name_is_said_to_be_unknown() -> None:
         ltvn.build_mapp  # type: ignore[attr-defined]  # noqa: B018
 
 
-def test_importing_the_package_loads_no_heavy_library() -> None:
-    heavy = "{'torch', 'rerun', 'pybullet', 'viser', 'cv2', 'scipy', 'matplotlib', 'ltvn_viz'}"
-    program = f"import sys, ltvn_core; print(sorted({heavy} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "unneeded"),
+    [
+        ("ltvn_core", {"torch", "rerun", "pybullet", "viser", "cv2", "scipy", "matplotlib", "ltvn_viz"}),
+        ("ltvn_core.verbs.jobs.recording_files", {"torch", "pybullet", "viser", "scipy", "matplotlib", "trimesh"}),
+        ("ltvn_viz.verbs.jobs.why", {"torch", "pybullet", "viser", "matplotlib", "trimesh"}),
+    ],
+)
+def test_nothing_heavy_is_loaded_that_is_not_needed(module: str, unneeded: set[str]) -> None:
+    program = f"import sys, {module}; print(sorted({unneeded} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"

@@ -2,7 +2,6 @@
 
 import re
 import runpy
-import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from io import StringIO
@@ -13,6 +12,7 @@ import pytest
 from nbclient import NotebookClient
 
 import ltvn_core as ltvn
+from tests.core.simulation.two_room_mesh import box_house, save
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NOTEBOOK = EXAMPLES / "07_analyse_in_a_notebook.ipynb"
@@ -28,14 +28,6 @@ def run(name: str, *arguments: str | Path, cwd: Path) -> str:
     return printed.getvalue()
 
 
-def run_alone(name: str, *arguments: str | Path, cwd: Path) -> str:
-    """Run an example in a process of its own, as a person would, and return what it printed."""
-    command = [sys.executable, "-X", "utf8", str(EXAMPLES / name), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
 def test_an_example_is_short_and_begins_with_what_it_shows(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
@@ -44,7 +36,7 @@ def test_an_example_is_short_and_begins_with_what_it_shows(path: Path) -> None:
 
 
 def test_images_of_ones_own_become_a_map(tmp_path: Path) -> None:
-    said = run_alone("01_map_from_your_images.py", tmp_path, cwd=tmp_path)
+    said = run("01_map_from_your_images.py", tmp_path, cwd=tmp_path)
     assert "60 images became" in said
     assert (tmp_path / "map.rrd").exists()
 
@@ -56,7 +48,7 @@ def test_a_recording_answers_what_failed(tmp_path: Path) -> None:
 
 
 def test_a_navigation_system_of_ones_own_reaches_goals(tmp_path: Path) -> None:
-    said = run("03_write_a_navigation_system.py", cwd=tmp_path)
+    said = run("03_write_a_navigation_system.py", save(box_house(), tmp_path / "house.glb"), cwd=tmp_path)
     assert said.count("arrived") >= 2
 
 
@@ -67,7 +59,8 @@ def test_a_predictor_of_ones_own_builds_a_map(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
-    said = run_alone("06_evaluate_and_plot.py", tmp_path, "2", cwd=tmp_path)
+    house = save(box_house(), tmp_path / "house.glb")
+    said = run("06_evaluate_and_plot.py", tmp_path, "2", house, cwd=tmp_path)
     assert said.count("of 2 episodes") == 2
     assert (tmp_path / "success.png").stat().st_size > 5_000
 

@@ -15,7 +15,6 @@ import rerun as rr
 
 from ltvn_core import palette
 from ltvn_core import worlds as w
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.drawn_poses import DrawnPoses
 from ltvn_core.data.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
@@ -24,6 +23,7 @@ from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import BULK_CAUSES, Belief, BeliefUpdated, Cause, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as ev
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.palette import Rgb8
 from ltvn_core.readable_text import readable

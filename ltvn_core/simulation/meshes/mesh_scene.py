@@ -22,7 +22,6 @@ from ltvn_core.simulation.meshes.mesh_alignment import (
     read_mesh_settings,
     side_doubt,
 )
-from ltvn_core.simulation.meshes.mesh_file import read_mesh
 from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
@@ -117,6 +116,8 @@ def load_mesh_scene(source: Path) -> Scene:
     if source.name == GIBSON_MESH:
         source = source.parent
     mesh = find_mesh(source) if source.is_dir() else source
+    from ltvn_core.simulation.meshes.mesh_file import read_mesh  # Imports trimesh, which takes long.
+
     settings = read_mesh_settings(mesh)
     content = read_mesh(mesh)
     surfaces = align_z_up(content.surfaces, mesh, settings)

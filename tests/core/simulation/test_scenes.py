@@ -18,7 +18,7 @@ from ltvn_core.simulation import scene_registry
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
 from ltvn_core.simulation.rooms import Room
-from ltvn_core.simulation.scene import to_glb
+from ltvn_core.simulation.scene_glb import to_glb
 from ltvn_core.simulation.scene_registry import Scene, load_scene, scene_names
 from ltvn_core.simulation.surfaces import Surfaces
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from ltvn_core.simulation.scene import to_glb
+from ltvn_core.simulation.scene_glb import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.worlds import AS_MADE, LightChanged
 from ltvn_viz.layers.scene_assets import cut_away, face_light, marked_unlit, scene_picture

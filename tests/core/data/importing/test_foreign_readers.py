@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from ltvn_core.plugins import READERS
 from tests.core.data.importing.drives import EXCERPT
 from tests.core.plugin_packages import install, ltvn
@@ -36,29 +34,27 @@ class Halfway(Unopenable):
 """
 
 
-def imported(folder: Path, reader: str, *options: str) -> tuple[int, str]:
-    install(folder, "odd-readers", f"[{READERS.name}]\na-first = odd_readers:{reader}\n", source=SOURCE)
-    run = ltvn(folder, "import", str(EXCERPT), "--output", str(folder / "drive.rrd"), *options)
+def imported(folder: Path, *readers: str) -> tuple[int, str]:
+    entries = "".join(f"a-{reader.lower()} = odd_readers:{reader}\n" for reader in readers)
+    install(folder, "odd-readers", f"[{READERS.name}]\n{entries}", source=SOURCE)
+    run = ltvn(folder, "import", str(EXCERPT), "--output", str(folder / "drive.rrd"))
     assert "Traceback" not in run.stderr
     return run.returncode, run.stderr
 
 
-@pytest.mark.parametrize(
-    ("reader", "said"),
-    [("Raising", "cannot look"), ("Unopenable", "no such key"), ("Factless", "facts"), ("Missing", "Missing")],
-)
-def test_a_drive_is_imported_beside_a_broken_reader_which_is_named(tmp_path: Path, reader: str, said: str) -> None:
-    code, told = imported(tmp_path, reader)
+def test_a_drive_is_imported_beside_broken_readers_which_are_named(tmp_path: Path) -> None:
+    expected = {"Raising": "cannot look", "Unopenable": "no such key", "Factless": "facts", "Missing": "Missing"}
+    code, told = imported(tmp_path, *expected)
 
     assert (code, (tmp_path / "drive.rrd").exists()) == (0, True)
-    named = [line for line in told.splitlines() if "reader a-first of the package odd-readers" in line]
-    assert len(named) == 1
-    assert said in named[0]
+    for reader, said in expected.items():
+        (named,) = (line for line in told.splitlines() if f"reader a-{reader.lower()} of the package odd-" in line)
+        assert said in named
 
 
 def test_a_reader_that_yields_no_frames_ends_its_import_with_its_name(tmp_path: Path) -> None:
     code, told = imported(tmp_path, "Halfway")
 
     assert code == 1
-    assert "reader a-first of the package odd-readers" in told.splitlines()[-1]
+    assert "reader a-halfway of the package odd-readers" in told.splitlines()[-1]
     assert not (tmp_path / "drive.rrd").exists()

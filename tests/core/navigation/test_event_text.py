@@ -7,7 +7,6 @@ import pytest
 import rerun as rr
 
 from ltvn_core import worlds as w
-from ltvn_core.analysis.event_text import describe_delta, describe_event
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind
@@ -15,6 +14,7 @@ from ltvn_core.data.recording.drawn_poses import DrawnPoses
 from ltvn_core.data.recording.event_drawing import draw_event
 from ltvn_core.graph import deltas as d
 from ltvn_core.navigation import events as e
+from ltvn_core.navigation.event_text import describe_delta, describe_event
 from tests.core.analysis import example_runs as runs
 
 HERE = d.PoseRow(0.0, 0.0, 0.0)

@@ -41,6 +41,7 @@ def test_a_lift_is_written_down_waited_for_and_done(app: FlatApp, page: Page) ->
     page.get_by_role("tab", name="Why").click()
     page.locator("a, button", has_text="by an action").first.click()
     until_shown(app, lambda now: now.inspection.answer.input_hint.startswith("Action"))
+    page.get_by_text("Action from").wait_for()
     page.locator("input:not([readonly]):visible, textarea:visible").last.fill(LIFT)
     press(page, "Change the map", lambda: harness.now.floor is not None)
 

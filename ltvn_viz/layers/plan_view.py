@@ -33,6 +33,7 @@ from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 ROBOT_EVERY_S, VIEW_EVERY_S, MAP_EVERY_S, PATH_EVERY_S = 1 / 40, 0.1, 0.3, 1.0
 """Least intervals between two messages about the robot, the view, the map and the driven path, in seconds."""
 _MOST_LABELS = 24
+_KEPT_PICTURES = 4
 _QUALITY = 85
 
 
@@ -63,16 +64,17 @@ class PlanView:
         self._map_due = self._view_due = float("-inf")
         self._scene: tuple[str, WorldState] = ("", AS_MADE)
         self._picture: FloorPicture | None = None
-        self._pictures: list[bytes] = []
+        self._pictures: dict[int, bytes] = {}
         self._drawn: tuple[Overlay | None, dict[str, Any]] = None, {}
         self._numbers: dict[int, tuple[object, int]] = {}
+        self._next_picture = 0
 
     def picture(self, number: int) -> bytes | None:
         """Return a picture of a floor as a JPEG, or as a PNG if parts are transparent; None for an unknown number.
 
         May be called in any thread.
         """
-        return self._pictures[number] if number < len(self._pictures) else None
+        return self._pictures.get(number)
 
     def show(self, snapshot: Snapshot) -> None:
         """Send what changed since the last snapshot."""
@@ -174,8 +176,11 @@ class PlanView:
         """Return the number by which pages fetch a picture, which is encoded when it is shown first."""
         known = self._numbers.get(id(key))
         if known is None:
-            self._pictures.append(_encoded(draw()))
-            known = self._numbers[id(key)] = key, len(self._pictures) - 1
+            known = self._numbers[id(key)] = key, self._next_picture
+            self._pictures[self._next_picture] = _encoded(draw())
+            self._next_picture += 1
+            for old in list(self._numbers)[:-_KEPT_PICTURES]:
+                del self._pictures[self._numbers.pop(old)[1]]
         return known[1]
 
 

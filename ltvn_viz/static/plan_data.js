@@ -70,9 +70,21 @@ async function fetchPicture(number) {
   try {
     const answer = await fetchWithToken(`/floor/${number}.bin`);
     if (answer.ok) pictures.set(number, await createImageBitmap(await answer.blob()));
+    forgetPictures();
     sheets.ground.redraw();
   } catch {
     pictures.delete(number); // The next view that comes asks again.
+  }
+}
+
+// A picture that was exchanged stays until the new one is there.
+function forgetPictures() {
+  const shown = [plan.view.floor?.picture, plan.view.sheet?.picture];
+  if (shown.some((number) => number !== undefined && !pictures.get(number))) return;
+  for (const [number, picture] of pictures) {
+    if (shown.includes(number)) continue;
+    picture?.close();
+    pictures.delete(number);
   }
 }
 

@@ -182,10 +182,11 @@ function drawWay(context, points, colour, width) {
   context.lineWidth = width;
   context.lineJoin = "round";
   context.beginPath();
-  points.forEach(([x, y], k) => {
-    const [before] = k > 0 ? [points[k - 1]] : [[Infinity, 0]];
-    context[Math.hypot(x - before[0], y - before[1]) < JUMP_M ? "lineTo" : "moveTo"](...planPoint(x, y));
-  });
+  let [x0, y0] = [Infinity, Infinity];
+  for (const [x, y] of points) {
+    context[Math.hypot(x - x0, y - y0) < JUMP_M ? "lineTo" : "moveTo"](...planPoint(x, y));
+    [x0, y0] = [x, y];
+  }
   context.stroke();
 }
 

@@ -185,3 +185,13 @@ def test_a_click_on_the_floor_is_asked_for_while_a_box_waits() -> None:
     assert view["aim"] == "put_box"
     assert view["doors"][0]["is_open"] is False
     assert told.after(Snapshot(world=replace(world, aimed=None)))[Newest.VIEW]["aim"] == ""
+
+
+def test_pictures_of_a_floor_whose_light_changes_often_do_not_pile_up() -> None:
+    told = Told()
+    for bright in range(20):
+        told.picture = FloorPicture(np.full((6, 8, 3), bright, np.uint8), np.zeros(2), np.ones(2))
+        told.after(Snapshot(scene=f"scene-{bright}"))
+        number = told.after(Snapshot(scene=f"scene-{bright}", selected=bright))[Newest.VIEW]["floor"]["picture"]
+        assert told.view.picture(number) is not None
+    assert sum(told.view.picture(number) is not None for number in range(20)) < 8

@@ -1,7 +1,7 @@
 // The map from above: what the server tells of it, and where things are. Metres and radians as the server has them.
 
 const EDGE_KEY = 2 ** 26; // Source times this plus target; both are counted in control steps, ten a second.
-const plan = { version: 0, nodes: new Map(), edges: new Map(), view: null, robot: null, path: [], course: [], isFetching: false };
+const plan = { version: 0, nodes: new Map(), edges: new Map(), view: null, robot: null, path: [], course: [], floorPicture: null, isFetching: false };
 const pictures = new Map(); // Number -> ImageBitmap, or null while it comes.
 
 function hearRobot({ pose }) {

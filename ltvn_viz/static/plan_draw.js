@@ -101,10 +101,11 @@ function* drawGround(context) {
   const { floor, sheet, solids, rooms } = plan.view ?? { floor: null, sheet: null, solids: [], rooms: [] };
   if (floor === null && sheet === null) drawGrid(context);
   context.imageSmoothingQuality = "medium";
-  if (floor !== null && pictures.get(floor.picture)) {
+  if (floor !== null) plan.floorPicture = pictures.get(floor.picture) || plan.floorPicture;
+  if (floor !== null && plan.floorPicture !== null) {
     const [[x0, y1], [x1, y0]] = [planPoint(floor.low[0], floor.high[1]), planPoint(floor.high[0], floor.low[1])];
     context.globalAlpha = 0.6;
-    context.drawImage(pictures.get(floor.picture), x0, y1, x1 - x0, y0 - y1);
+    context.drawImage(plan.floorPicture, x0, y1, x1 - x0, y0 - y1);
     context.globalAlpha = 1;
   }
   yield;

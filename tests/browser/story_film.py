@@ -32,7 +32,7 @@ WINDOW: ViewportSize = {"width": 1280, "height": 800}
 WIDTH_PX = 1024
 QUALITY = 60
 """Of 100."""
-GOAL = 2
+GOAL = 0
 """The image of the gallery that is clicked."""
 QUERY_EVERY_S, STORY_EVERY_S = 1.5, 4.0
 """Robot time between two pictures."""

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 
 from ltvn_viz.wishes import commands as c
 from tests.browser.actions import wait_for_rest
-from tests.browser.flat_app import FLOOR, FlatApp, navigate_far, serving
+from tests.browser.flat_app import FlatApp, navigate_far, serving
 from tests.browser.pages import PLAN, draw_nothing, on_screen, open_page
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
@@ -118,27 +118,6 @@ def test_nothing_covers_anything_and_nothing_is_cut_off(page: Page, width: int, 
         explain=lambda: (overlapping(page), rectangles(page)),
     )
     assert {"scene", "pictures", "pad", "timeline"} <= rectangles(page).keys()
-
-
-@pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900), (3840, 2160)])
-def test_the_first_view_in_3d_is_fitted_to_the_scene(app: FlatApp, page: Page, width: int, height: int) -> None:
-    page.set_viewport_size({"width": width, "height": height})
-
-    page.locator("#ltvn-3d").click()
-
-    def is_fitted() -> bool:
-        (client,) = app.server.viser.get_clients().values()
-        box, camera = page.locator(CANVAS).bounding_box(), client.camera
-        assert box is not None
-        aspect = box["width"] / box["height"]
-        position = FLOOR.view(aspect, camera.fov).position
-        return abs(camera.aspect / aspect - 1) < 0.01 and np.allclose(camera.position, position, rtol=0.02)
-
-    try:
-        until(is_fitted)
-    finally:
-        page.locator("#ltvn-3d").click()
-    expect(page.locator(CANVAS)).to_be_hidden()
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900), (3840, 2160)])

@@ -82,7 +82,7 @@ def test_an_unknown_name_is_said_to_be_unknown() -> None:
     [
         ("ltvn_core", {"torch", "rerun", "pybullet", "viser", "cv2", "scipy", "matplotlib", "ltvn_viz"}),
         ("ltvn_core.verbs.jobs.recording_files", {"torch", "pybullet", "viser", "scipy", "matplotlib", "trimesh"}),
-        ("ltvn_viz.verbs.jobs.why", {"torch", "pybullet", "viser", "matplotlib", "trimesh"}),
+        ("ltvn_viz.debugger.file_questions", {"torch", "pybullet", "viser", "matplotlib", "trimesh"}),
     ],
 )
 def test_nothing_heavy_is_loaded_that_is_not_needed(module: str, unneeded: set[str]) -> None:

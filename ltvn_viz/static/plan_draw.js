@@ -413,9 +413,11 @@ function moveRobot() {
   const look = [yaw.toFixed(2), eye.scale.toFixed(1), ratio, plan.view.fov].join();
   if (robotCanvas.dataset.look === look) return;
   robotCanvas.dataset.look = look;
-  robotCanvas.width = robotCanvas.height = ROBOT_PX * ratio;
+  const side = Math.round(ROBOT_PX * ratio);
+  if (robotCanvas.width !== side) robotCanvas.width = robotCanvas.height = side;
   const context = robotCanvas.getContext("2d");
-  context.scale(ratio, ratio);
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, ROBOT_PX, ROBOT_PX);
   context.translate(ROBOT_PX / 2, ROBOT_PX / 2);
   context.rotate(-yaw);
   drawRobot(context);

@@ -90,14 +90,6 @@ STYLE = f"""<style>
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-table span {{ color: var(--ltvn-soft); }}
-.lt-legend {{ display: flex; flex-wrap: wrap; gap: 0 .9em; font-size: .8125rem; line-height: 1.6; }}
-#root .lt-legend {{ padding: .1em .5em; border-radius: .35em; }}
-.lt-legend span {{ display: inline-flex; gap: .35em; align-items: center; white-space: nowrap; }}
-.lt-legend i {{ width: .8em; height: .8em; border-radius: 2px; }}
-.lt-legend .lt-ramp {{ flex: 1 1 12em; }}
-.lt-legend .lt-ramp i {{ flex: 1; height: .65em; }}
-.lt-legend [data-shown="0"] {{ opacity: .6; }}
-.lt-legend [data-shown="0"] i {{ opacity: .4; }}
 .lt-question {{ display: block; width: 100%; margin: .25em 0; padding: .45em .6em; border: 0; border-radius: .35em;
   background: var(--ltvn-tint); color: var(--ltvn-soft); font: inherit; text-align: left; cursor: pointer; }}
 .lt-question:hover {{ background: var(--ltvn-tint-more); }}

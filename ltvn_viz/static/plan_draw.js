@@ -27,6 +27,10 @@ function rampColour(ramp, share) {
   return `rgb(${ramp[low].map((part, k) => Math.round(part + (at - low) * (ramp[low + 1][k] - part))).join(",")})`;
 }
 
+function shadeOf(p) {
+  return shades[Math.round(p * (SHADES - 1))];
+}
+
 function planPoint(x, y) {
   return [size.width / 2 + (x - eye.x) * eye.scale, size.height / 2 - (y - eye.y) * eye.scale];
 }
@@ -336,7 +340,7 @@ function drawHalo(context, edge, colour) {
   if (ends === null) return;
   drawSome(context, [ends], colour, 8);
   const known = edgeOf(...edge);
-  drawSome(context, [ends], known === undefined ? COLOURS.target : shades[Math.round(known.p * (SHADES - 1))], 4);
+  drawSome(context, [ends], known === undefined ? COLOURS.target : shadeOf(known.p), 4);
 }
 
 function drawNode(context, id, colour) {

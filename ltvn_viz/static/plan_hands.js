@@ -62,9 +62,10 @@ function pinchOf() {
 function overPlan(px, py) {
   if (plan.view === null) return false;
   const isOtherFan = spreadFan(px, py);
-  const isOtherBundle = spreadBundle(nearest(px, py), px, py);
+  const found = nearest(px, py);
+  const isOtherBundle = spreadBundle(found, px, py);
   if (isOtherFan || isOtherBundle) sheets.top.redraw();
-  hover(nearest(px, py), px, py);
+  hover(isOtherBundle ? nearest(px, py) : found, px, py);
   return (isOtherFan && fan.size > 0) || (isOtherBundle && bundle.size > 0);
 }
 

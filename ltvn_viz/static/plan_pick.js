@@ -119,7 +119,7 @@ function drawBundle(context) {
     const edge = plan.edges.get(key);
     const ends = edge === undefined ? null : edgeEnds(edge.source, edge.target);
     drawSome(context, [ends], RIM, 4);
-    drawSome(context, [ends], shades[Math.round((edge?.p ?? 0) * (SHADES - 1))], 2.5);
+    drawSome(context, [ends], shadeOf(edge?.p ?? 0), 2.5);
   }
 }
 
@@ -133,7 +133,7 @@ function drawFan(context) {
   const nodes = [...fan].map((id) => plan.nodes.get(id)).filter((node) => node !== undefined);
   if (nodes.length === 0) return;
   for (const { source, target, p } of plan.edges.values()) {
-    if (fan.has(source) && fan.has(target)) drawSome(context, [edgeEnds(source, target)], shades[Math.round(p * (SHADES - 1))], 1.5);
+    if (fan.has(source) && fan.has(target)) drawSome(context, [edgeEnds(source, target)], shadeOf(p), 1.5);
   }
   drawDots(context, nodes, RIM, 1.3);
   drawDots(context, nodes, COLOURS.node);
@@ -146,11 +146,6 @@ function drawFan(context) {
   }
   context.fill();
 }
-
-const SAYS = {
-  put_box: "Click: the box is put here",
-  point_on_plan: "Click: the node's place on the floor plan",
-};
 
 function clickText(found) {
   if (found.kind === "door") return `Click: ${found.is_open ? "close" : "open"} the door`;

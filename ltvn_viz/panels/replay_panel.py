@@ -41,7 +41,7 @@ class ReplayPanel:
         self.making.show(_making(snapshot))
         replay = snapshot.replay
         if replay is not None:
-            self._choose(replay.name)
+            self._choose(replay)
         self.buttons.show(self._buttons(snapshot))
         self.about.show(_about(snapshot, self._names.value))
 
@@ -84,7 +84,7 @@ def _about(snapshot: Snapshot, chosen: str) -> str:
         return note(snapshot.recordings[chosen]) if chosen in snapshot.recordings else ""
     moment = snapshot.moment
     return note(
-        f"{snapshot.replay.name}: {snapshot.replay.time_s:.1f} of {snapshot.replay.length_s:.1f} s, "
+        f"{snapshot.replay}: {snapshot.timeline.time_s:.1f} of {snapshot.timeline.length_s:.1f} s, "
         f"{count_text(moment.frames, 'image')}, {count_text(len(moment.graph.ids), 'node')}, "
         f"{count_text(len(moment.graph.p), 'edge')}."
     )

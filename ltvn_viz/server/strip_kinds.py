@@ -1,11 +1,12 @@
 """The kinds of marks on the timeline at the foot of the page, each with its lane, sign, colour and description.
 
 Owns the table; the page's script gets a copy. Kinds differ in sign as well as in colour, so that no information depends
-on colour alone. Colours have one meaning within a lane: orange for failures, magenta for parts that the map lost or
-that seem blocked, green for parts that were added or are open, white for changes that people made to the world.
+on colour alone. Colours have one meaning within a lane: orange for failures and a lower p, blue for a higher one,
+magenta for parts that the map lost or that seem blocked, green for parts that were added or are open, white for changes
+that people made to the world.
 """
 
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from typing import NamedTuple
 
 from ltvn_core import palette
@@ -16,41 +17,47 @@ class StripKind(IntEnum):
     """The meaning of a mark; the number is sent to the page. Where marks overlap, the kind with the largest number is
     the most important."""
 
-    DROVE = 0
-    """The robot was moving, driven by a person or by a query; a few marks a second."""
-    ADDED = 1
+    RECORDED = 0
+    """Images were taken."""
+    DRIVEN_BY_PERSON = 1
+    """The robot moved, and no query was under way."""
+    DRIVEN_BY_QUERY = 2
+    PEOPLE_MOVED = 3
+    ADDED = 4
     """A single node or edge was added, not with a whole map."""
-    REPLANNED = 2
-    SEEN_OPEN = 3
+    PLANNED = 5
+    """The first path of a query."""
+    REPLANNED = 6
+    ROSE = 7
+    """The probability of an edge rose after an attempt."""
+    SEEN_OPEN = 8
     """An edge was seen open again."""
-    WORLD_CHANGED = 4
+    WORLD_CHANGED = 9
     """An object was placed or removed, or the light changed."""
-    DOOR_OPENED = 5
-    DOOR_CLOSED = 6
-    SEEN_BLOCKED = 7
-    PRUNED = 8
-    FAILED = 9
+    DOOR_OPENED = 10
+    DOOR_CLOSED = 11
+    FELL = 12
+    SEEN_BLOCKED = 13
+    PRUNED = 14
+    NO_PLAN = 15
+    """No path to the goal was found."""
+    FAILED = 16
     """An attempt did not succeed."""
-    COLLISION = 10
-    QUERY_BEGAN = 11
+    COLLISION = 17
+    QUERY_BEGAN = 18
     """A query began; the mark has its number and its goal."""
-    QUERY_ENDED = 12
+    QUERY_ENDED = 19
     """A query ended; the mark has its number and its `QueryEnd`."""
 
 
-DROVE_EVERY_S = 0.25
-"""Interval between two marks of a robot that moves, in seconds."""
+class Lane(StrEnum):
+    """The lanes below the queries, from top to bottom, by their names."""
 
-
-class Lane(IntEnum):
-    """The lanes below the queries, from top to bottom."""
-
-    DRIVING = 0
-    MAP = 1
-    WORLD = 2
-
-
-LANE_NAMES = {Lane.DRIVING: "driving", Lane.MAP: "map", Lane.WORLD: "world"}
+    RECORDING = "recording"
+    DRIVING = "driving"
+    PLAN = "plan"
+    EDGES = "edges"
+    WORLD = "world"
 
 
 class StripStyle(NamedTuple):
@@ -61,23 +68,40 @@ class StripStyle(NamedTuple):
     colour: Rgb8
     words: str
     about: str = ""
-    """Meaning of the numbers that come with the mark: an edge, a node, or the number of something else."""
+    """Meaning of the numbers that come with the mark: an edge, the ends of a path, or the number of a door."""
+    span_s: float = 0.0
+    """Duration in seconds of what goes on for some time: there is one mark at most in so long, and each is drawn as a
+    bar that ends with it. 0 for an event."""
+    share: float = 1.0
+    """Height of the bar as a share of its lane, so that bars of one lane differ without their colours."""
 
 
 STRIP_STYLES: dict[StripKind, StripStyle] = {
-    StripKind.DROVE: StripStyle(Lane.DRIVING, "–", palette.ROBOT, "driven"),
-    StripKind.ADDED: StripStyle(Lane.MAP, "▲", palette.EDGE_ADDED, "came in", "edge"),
-    StripKind.REPLANNED: StripStyle(Lane.DRIVING, "◆", palette.PLAN, "new plan", "edge"),
-    StripKind.SEEN_OPEN: StripStyle(Lane.WORLD, "○", palette.EDGE_ADDED, "seen open", "edge"),
-    StripKind.WORLD_CHANGED: StripStyle(Lane.WORLD, "◇", palette.TEXT, "world changed"),
+    StripKind.RECORDED: StripStyle(Lane.RECORDING, "▬", palette.COURSE, "images", span_s=1.0, share=0.5),
+    StripKind.DRIVEN_BY_PERSON: StripStyle(
+        Lane.DRIVING, "▂", palette.ROBOT, "driven by a person", span_s=0.25, share=0.25
+    ),
+    StripKind.DRIVEN_BY_QUERY: StripStyle(
+        Lane.DRIVING, "▅", palette.SOURCE, "driven by a query", span_s=0.25, share=0.5
+    ),
+    StripKind.PEOPLE_MOVED: StripStyle(Lane.WORLD, "▁", palette.TEXT, "people walk", span_s=0.5, share=0.25),
+    StripKind.ADDED: StripStyle(Lane.EDGES, "▲", palette.EDGE_ADDED, "came in", "edge"),
+    StripKind.PLANNED: StripStyle(Lane.PLAN, "◇", palette.PLAN, "plan made", "path"),
+    StripKind.REPLANNED: StripStyle(Lane.PLAN, "◆", palette.PLAN, "plan changed", "path"),
+    StripKind.ROSE: StripStyle(Lane.EDGES, "↑", palette.SOURCE, "p rose", "edge"),
+    StripKind.SEEN_OPEN: StripStyle(Lane.EDGES, "○", palette.EDGE_ADDED, "seen open", "edge"),
+    StripKind.WORLD_CHANGED: StripStyle(Lane.WORLD, "◈", palette.TEXT, "world changed"),
     StripKind.DOOR_OPENED: StripStyle(Lane.WORLD, "□", palette.TEXT, "door opened", "number"),
     StripKind.DOOR_CLOSED: StripStyle(Lane.WORLD, "■", palette.TEXT, "door closed", "number"),
-    StripKind.SEEN_BLOCKED: StripStyle(Lane.WORLD, "●", palette.EDGE_REMOVED, "seen blocked", "edge"),
-    StripKind.PRUNED: StripStyle(Lane.MAP, "▼", palette.EDGE_REMOVED, "pruned", "edge"),
+    StripKind.FELL: StripStyle(Lane.EDGES, "↓", palette.TARGET, "p fell", "edge"),
+    StripKind.SEEN_BLOCKED: StripStyle(Lane.EDGES, "●", palette.EDGE_REMOVED, "seen blocked", "edge"),
+    StripKind.PRUNED: StripStyle(Lane.EDGES, "▼", palette.EDGE_REMOVED, "pruned", "edge"),
+    StripKind.NO_PLAN: StripStyle(Lane.PLAN, "∅", palette.TARGET, "no path found"),
     StripKind.FAILED: StripStyle(Lane.DRIVING, "✕", palette.TARGET, "attempt failed", "edge"),
     StripKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.TARGET, "collision"),
 }
-"""All kinds that are drawn as signs; queries are drawn as bars."""
+"""All kinds but those of queries, which are drawn as bars above the lanes: what they are, and where and how they are
+drawn."""
 
 
 class QueryEnd(IntEnum):
@@ -109,24 +133,17 @@ BAR_STYLES: dict[QueryEnd, BarStyle] = {
 
 def strip_tables() -> dict[str, object]:
     """Return the tables in the format of the page's script."""
+    lanes = [*Lane]
     kinds = {
-        int(kind): {
-            "lane": int(style.lane),
-            "sign": style.sign,
-            "colour": style.colour.css,
-            "words": style.words,
-            "about": style.about,
-        }
+        int(kind): style._asdict() | {"lane": lanes.index(style.lane), "colour": style.colour.css}
         for kind, style in STRIP_STYLES.items()
     }
     bars = {int(end): style._asdict() | {"colour": style.colour.css} for end, style in BAR_STYLES.items()}
     return {
         "kinds": kinds,
-        "lanes": [LANE_NAMES[lane] for lane in Lane],
+        "lanes": lanes,
         "bars": bars,
         "underWay": UNDER_WAY._asdict() | {"colour": UNDER_WAY.colour.css},
-        "drove": int(StripKind.DROVE),
-        "droveMs": round(1000 * DROVE_EVERY_S),
         "began": int(StripKind.QUERY_BEGAN),
         "ended": int(StripKind.QUERY_ENDED),
     }

@@ -151,17 +151,6 @@ class RecordingStatus:
 
 
 @dataclass(frozen=True, slots=True)
-class PlaybackStatus:
-    """The open recording and the current position in it."""
-
-    name: str
-    length_s: float
-    time_s: float
-    """Current time in seconds since the recording's beginning."""
-    playing: bool
-
-
-@dataclass(frozen=True, slots=True)
 class TimelineStatus:
     """The moment on show, and the number of marks on the timeline."""
 
@@ -289,7 +278,8 @@ class Snapshot:
     """Drives in other formats in the folder of recordings, which can be imported."""
     is_making: bool = False
     """Whether a new recording is being made from a file of the folder."""
-    replay: PlaybackStatus | None = None
+    replay: str | None = None
+    """Name of the open recording; `timeline` tells where it stands."""
     timeline: TimelineStatus = TimelineStatus()
     course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
     """(T, 3) all poses of the open recording, thinned; empty for the live run, whose future is unknown."""

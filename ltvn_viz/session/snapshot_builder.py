@@ -171,7 +171,7 @@ def _replayed(replay: Playback) -> Snapshot:
         scene=replay.scene,
         moment=moment,
         camera=replay.camera(replay.found if moment.frame is None else moment.frame),
-        replay=replay.status,
+        replay=replay.name,
         course=replay.course,
         lone_camera=replay.camera_model if replay.is_imported else None,
         selected=moment.progress.goal if replay.found is None else replay.found,

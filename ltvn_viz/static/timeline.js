@@ -7,7 +7,7 @@ const SNAP = 5; // Pixels: a click so near to a mark means the mark.
 const WISH_MS = 700; // So long the cursor stays where a person put it, before the server has followed.
 const KEY_STEP_MS = 1000;
 
-const dock = { wish: null, wishedAt: 0, pointers: new Map(), pinch: 0, sentAt: 0, timer: null, hint: 0, byKey: [] };
+const dock = { wish: null, wishedAt: 0, pointers: new Map(), pinch: 0, sentAt: 0, timer: null, isPointed: false, byKey: [] };
 
 function dockButton(action, sign, label, code = "") {
   const made = element("button", "ltvn-time-button", sign);
@@ -74,6 +74,7 @@ function stripBox() {
   dock.box = element("div", "ltvn-time-track");
   dock.names = element("div", "ltvn-time-names");
   dock.names.setAttribute("aria-hidden", "true");
+  dock.names.append(...["queries", ...TIMELINE.lanes].map((name) => element("div", "", name)));
   view.canvas = element("canvas", "ltvn-time-strip");
   dock.cursor = element("i", "ltvn-time-cursor");
   dock.hint = element("div", "ltvn-time-hint");
@@ -86,13 +87,6 @@ function stripBox() {
   const whole = element("div", "ltvn-time-box");
   whole.append(dock.names, dock.box, dock.hint);
   return whole;
-}
-
-// Beside the strip, so that no name ever covers a sign.
-function nameLanes() {
-  const names = ["queries", ...(lanes() === 1 ? ["events"] : TIMELINE.lanes)];
-  if (dock.names.childElementCount === names.length) return;
-  dock.names.replaceChildren(...names.map((name) => element("div", "", name)));
 }
 
 // A line for each lane, named as beside the strip: the same sign may mean a query in one and an attempt in another.
@@ -155,11 +149,19 @@ function showMoment(isOther = false) {
   canvas.setAttribute("aria-valuemin", "0");
   canvas.setAttribute("aria-valuemax", String(Math.round(moment.length / 1000)));
   canvas.setAttribute("aria-valuenow", String(Math.round(moment.at / 1000)));
-  canvas.setAttribute("aria-valuetext", `${at} of ${length}${moment.now ? ", now" : ""}`);
+  readMoment(`${at} of ${length}${moment.now ? ", now" : ""}`);
   // A run that goes on is drawn anew when it has grown by a pixel.
   const grown = (moment.length - view.drawnLength) * stripWidth() / Math.max(moment.length, 1);
   if (isOther || (view.to === null && Math.abs(grown) >= 1)) drawSoon();
   placeCursor();
+}
+
+// Who has the strip under the keys, or hears it, is told what a pointer there is.
+function readMoment(words) {
+  const isRead = document.activeElement === view.canvas;
+  const lines = isRead ? linesAt(shownTime(), timeAt(SNAP) - timeAt(0)) : [];
+  view.canvas.setAttribute("aria-valuetext", [words, ...lines].join("; "));
+  if (isRead && view.canvas.matches(":focus-visible") && !dock.isPointed) showHint(columnOf(shownTime()));
 }
 
 function placeCursor() {
@@ -191,14 +193,20 @@ function listenToStrip() {
     event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
     dock.pointers.set(event.pointerId, columnUnder(event));
-    if (dock.pointers.size === 1) seekTo(snapped(columnUnder(event)));
-    else dock.pinch = pinchWidth();
+    if (dock.pointers.size > 1) {
+      dock.pinch = pinchWidth();
+      return;
+    }
+    seekTo(snapped(columnUnder(event)));
+    pointAt(columnUnder(event));
   });
   canvas.addEventListener("pointermove", onStripMove);
   for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
     canvas.addEventListener(end, (event) => dock.pointers.delete(event.pointerId));
   }
-  canvas.addEventListener("pointerleave", () => (dock.hint.hidden = true));
+  canvas.addEventListener("pointerleave", endHint);
+  canvas.addEventListener("focus", () => showMoment());
+  canvas.addEventListener("blur", endHint);
   canvas.addEventListener("wheel", onStripWheel, { passive: false });
   canvas.addEventListener("keydown", onStripKey);
 }
@@ -219,23 +227,33 @@ function onStripMove(event) {
   const column = columnUnder(event);
   if (dock.pointers.has(event.pointerId)) {
     dock.pointers.set(event.pointerId, column);
-    if (dock.pointers.size === 1) return seekTo(timeAt(column));
+    if (dock.pointers.size === 1) {
+      seekTo(timeAt(column));
+      return pointAt(column);
+    }
     const [one, other] = [...dock.pointers.values()];
     const width = pinchWidth();
     zoom(width / dock.pinch, (one + other) / 2);
     dock.pinch = width;
   } else if (event.pointerType === "mouse") {
-    showHint(column);
+    pointAt(column);
   }
+}
+
+function pointAt(column) {
+  dock.isPointed = true;
+  showHint(column);
+}
+
+function endHint() {
+  dock.isPointed = false;
+  dock.hint.hidden = true;
 }
 
 function showHint(column) {
   const reach = timeAt(SNAP) - timeAt(0);
   const time = timeAt(column);
-  const rows = marksBetween(time - reach, time + reach);
-  const query = queryAt(time, reach);
-  const lines = [clockText(time), ...(query === null ? [] : [wordsOfQuery(query)]), ...rows.slice(0, 6).map(wordsOfMark)];
-  if (rows.length > 6) lines.push(`… and ${rows.length - 6} more`);
+  const lines = [clockText(time), ...linesAt(time, reach)];
   dock.hint.replaceChildren(...lines.map((line) => element("div", "", line)));
   dock.hint.hidden = false;
   const least = dock.box.offsetLeft;
@@ -268,4 +286,5 @@ function onStripKey(event) {
   if (!(event.key in acts) || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   acts[event.key]();
+  showMoment();
 }

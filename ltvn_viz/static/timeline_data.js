@@ -4,6 +4,7 @@
 const strip = { run: 0, times: [], kinds: [], firsts: [], seconds: [], queries: [], isFetching: false };
 const moment = { run: 0, marks: 0, at: 0, length: 0, now: true, replay: false, playing: false, speed: 1 };
 const STRIP_NUMBERS = 1e8; // As in `strip_marks.py`.
+const MOST_SPAN_MS = 1000 * Math.max(...Object.values(TIMELINE.kinds).map((kind) => kind.span_s));
 
 function hearMoment(fields) {
   const isOther = fields.run !== moment.run;
@@ -61,10 +62,14 @@ function rowAt(time) {
   return low;
 }
 
+function isSpan(row) {
+  return TIMELINE.kinds[strip.kinds[row]]?.span_s > 0;
+}
+
 function marksBetween(from, to) {
   const rows = [];
   for (let row = rowAt(from); row < strip.times.length && strip.times[row] <= to; row++) {
-    if (strip.kinds[row] in TIMELINE.kinds && strip.kinds[row] !== TIMELINE.drove) rows.push(row);
+    if (strip.kinds[row] in TIMELINE.kinds && !isSpan(row)) rows.push(row);
   }
   return rows;
 }
@@ -82,8 +87,28 @@ function queryAt(time, within) {
 function wordsOfMark(row) {
   const { words, about, sign } = TIMELINE.kinds[strip.kinds[row]];
   const [one, other] = [strip.firsts[row], strip.seconds[row]];
-  if (about === "edge" && one >= 0) return `${sign} ${words}: ${other >= 0 ? `edge ${one} → ${other}` : `node ${one}`}`;
+  if (/edge|path/.test(about) && one >= 0) return `${sign} ${words}: ${other >= 0 ? `${about} ${one} → ${other}` : `node ${one}`}`;
   return about === "number" ? `${sign} ${words}: ${one}` : `${sign} ${words}`;
+}
+
+// What there is about a time, a line for each kind of event, in the order of the lanes: one is described, more are counted.
+function linesAt(time, within) {
+  const [groups, query] = [new Map(), queryAt(time, within)];
+  for (let row = rowAt(time - within); row < strip.times.length && strip.times[row] <= time + within + MOST_SPAN_MS; row++) {
+    const kind = strip.kinds[row];
+    const began = strip.times[row] - 1000 * (TIMELINE.kinds[kind]?.span_s ?? 0);
+    if (kind in TIMELINE.kinds && began <= time + within) (groups.get(kind) ?? groups.set(kind, []).get(kind)).push(row);
+  }
+  const lines = [...groups.values()].sort(([one], [other]) => laneOf(one) - laneOf(other)).map((rows) => {
+    const { sign, words } = TIMELINE.kinds[strip.kinds[rows[0]]];
+    const isCount = rows.length > 1 && !isSpan(rows[0]);
+    return `${TIMELINE.lanes[laneOf(rows[0])]}: ${isCount ? `${sign} ${words}: ${rows.length}×` : wordsOfMark(rows[0])}`;
+  });
+  return query === null ? lines : [wordsOfQuery(query), ...lines];
+}
+
+function laneOf(row) {
+  return TIMELINE.kinds[strip.kinds[row]].lane;
 }
 
 function styleOfQuery(query) {

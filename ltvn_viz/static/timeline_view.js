@@ -2,13 +2,13 @@
 // However many marks there are, they are counted by columns first, so that drawing takes a time that hardly grows.
 
 const STRIP_FONT = 13; // Pixels; nothing on the page is written smaller.
-const LANE = { queries: 18, marks: 15, axis: 18 };
+const LANE = { queries: 18, marks: 14, low: 6, axis: 18 };
 const COLUMN = 2; // Pixels; marks that share one are drawn as one.
 const ALONE = 5; // Columns to either side without another mark, so that there is room for a sign.
 const TICKS_MS = [100, 200, 500, 1e3, 2e3, 5e3, 1e4, 15e3, 3e4, 6e4, 12e4, 3e5, 6e5, 9e5, 18e5, 36e5, 72e5, 216e5, 432e5, 864e5];
 const LEAST_SPAN_MS = 1000;
 
-const view = { from: 0, to: null, canvas: null, width: 0, isDue: false, drawnLength: 0 }; // `to` is null while all of the run is shown.
+const view = { from: 0, to: null, canvas: null, width: 0, isLow: false, isDue: false, drawnLength: 0 }; // `to` is null while all of the run is shown.
 
 function viewEnd() {
   return Math.max(view.to ?? moment.length, view.from + LEAST_SPAN_MS);
@@ -69,19 +69,25 @@ function drawSoon() {
   });
 }
 
-function lanes() {
-  return stripWidth() < 500 || innerHeight < 480 ? 1 : TIMELINE.lanes.length; // On a telephone all marks share a lane.
+// On a telephone the lanes are lower than a sign or a name: what stands where says the words.
+function laneHeight() {
+  return view.isLow ? LANE.low : LANE.marks;
+}
+
+function laneTop(lane) {
+  return LANE.queries + lane * laneHeight();
 }
 
 function stripHeight() {
-  return LANE.queries + lanes() * LANE.marks + LANE.axis;
+  return laneTop(TIMELINE.lanes.length) + LANE.axis;
 }
 
 function drawStrip() {
+  view.isLow = dock.root.clientWidth < 560 || innerHeight < 480;
+  dock.names.hidden = view.isLow;
   view.width = view.canvas.clientWidth;
   const [width, height] = [stripWidth(), stripHeight()];
   if (width === 0) return;
-  nameLanes();
   view.canvas.style.height = `${height}px`;
   const scale = window.devicePixelRatio;
   if (view.canvas.width !== Math.round(width * scale) || view.canvas.height !== Math.round(height * scale)) {
@@ -94,18 +100,17 @@ function drawStrip() {
   drawLanes(brush, width);
   drawAxis(brush, width, height);
   drawQueries(brush, width);
-  drawDriving(brush);
+  drawSpans(brush);
   drawMarks(brush, width);
   view.drawnLength = moment.length;
   placeCursor();
 }
 
 function drawLanes(brush, width) {
-  const count = lanes();
-  for (let lane = 0; lane < count; lane++) {
-    brush.fillStyle = lane % 2 === 0 ? "rgba(255,255,255,0.03)" : "rgba(255,255,255,0.06)";
-    brush.fillRect(0, LANE.queries + lane * LANE.marks, width, LANE.marks);
-  }
+  TIMELINE.lanes.forEach((_, lane) => {
+    brush.fillStyle = lane % 2 === 0 ? "rgba(255,255,255,0.03)" : "rgba(255,255,255,0.08)";
+    brush.fillRect(0, laneTop(lane), width, laneHeight());
+  });
 }
 
 function drawAxis(brush, width, height) {
@@ -147,31 +152,33 @@ function drawQueries(brush, width) {
   }
 }
 
-// Where the robot was moving: a bar at the foot of the first lane, which hides no sign.
-function drawDriving(brush) {
-  brush.fillStyle = TIMELINE.kinds[TIMELINE.drove].colour;
-  const [end, wide] = [viewEnd(), Math.max(columnOf(view.from + TIMELINE.droveMs), COLUMN)];
-  let drawn = -wide;
+// What goes on for some time: bars at the foot of their lane, which join over short gaps and hide no sign.
+function drawSpans(brush) {
+  const [end, perMs, until] = [viewEnd() + MOST_SPAN_MS, columnOf(view.from + 1), {}];
   for (let row = rowAt(view.from); row < strip.times.length && strip.times[row] <= end; row++) {
-    const column = columnOf(strip.times[row]);
-    if (strip.kinds[row] !== TIMELINE.drove || column < drawn + COLUMN / 2) continue;
-    brush.fillRect(column - wide, LANE.queries + LANE.marks - 3, wide, 2);
-    drawn = column;
+    if (!isSpan(row)) continue;
+    const { lane, colour, share, span_s } = TIMELINE.kinds[strip.kinds[row]];
+    const [right, wide] = [columnOf(strip.times[row]), Math.max(1000 * span_s * perMs, COLUMN)];
+    const before = until[strip.kinds[row]] ?? -Infinity;
+    const left = Math.floor(right - before < 2 * wide ? before : right - wide);
+    if (right - before < COLUMN / 2) continue;
+    const height = Math.round(share * laneHeight());
+    brush.fillStyle = colour;
+    brush.fillRect(left, laneTop(lane + 1) - height, Math.ceil(right) - left, height);
+    until[strip.kinds[row]] = right;
   }
 }
 
 // Per lane: how many marks each column has, and the kind that matters most among them.
 function countedMarks(width) {
   const columns = Math.ceil(width / COLUMN) + 1;
-  const counts = new Uint32Array(columns * lanes());
-  const kinds = new Uint8Array(columns * lanes());
-  const isOneLane = lanes() === 1;
+  const counts = new Uint32Array(columns * TIMELINE.lanes.length);
+  const kinds = new Uint8Array(counts.length);
   const end = viewEnd();
   const perMs = width / (end - view.from) / COLUMN;
   for (let row = rowAt(view.from); row < strip.times.length && strip.times[row] <= end; row++) {
-    const style = TIMELINE.kinds[strip.kinds[row]];
-    if (style === undefined || strip.kinds[row] === TIMELINE.drove) continue;
-    const place = (isOneLane ? 0 : style.lane) * columns + Math.floor((strip.times[row] - view.from) * perMs);
+    if (!(strip.kinds[row] in TIMELINE.kinds) || isSpan(row)) continue;
+    const place = laneOf(row) * columns + Math.floor((strip.times[row] - view.from) * perMs);
     counts[place] += 1;
     kinds[place] = Math.max(kinds[place], strip.kinds[row]);
   }
@@ -183,14 +190,14 @@ function drawMarks(brush, width) {
   const ticks = new Map(); // A path for each kind: changing the colour for each tick would take most of the time.
   brush.textAlign = "center";
   brush.textBaseline = "middle";
-  for (let lane = 0; lane < lanes(); lane++) {
-    const [first, top] = [lane * columns, LANE.queries + lane * LANE.marks];
+  for (let lane = 0; lane < TIMELINE.lanes.length; lane++) {
+    const [first, top] = [lane * columns, laneTop(lane)];
     let before = -ALONE - 1;
     for (let column = 0; column < columns; column++) {
       const [count, kind] = [counts[first + column], kinds[first + column]];
       if (count === 0) continue;
       const end = first + Math.min(columns, column + ALONE + 1);
-      if (column - before > ALONE && isEmpty(counts, first + column + 1, end)) {
+      if (!view.isLow && column - before > ALONE && isEmpty(counts, first + column + 1, end)) {
         brush.fillStyle = TIMELINE.kinds[kind].colour;
         brush.fillText(TIMELINE.kinds[kind].sign, Math.min(Math.max(column * COLUMN, 6), width - 6), top + LANE.marks / 2 + 1);
       } else {
@@ -212,6 +219,6 @@ function isEmpty(counts, from, to) {
 }
 
 function addTick(path, left, top, count) {
-  const height = Math.min(LANE.marks - 2, 6 + 2 * Math.log2(count));
-  path.rect(left, top + LANE.marks - 1 - height, COLUMN, height);
+  const height = laneHeight() * Math.min(0.95, 0.5 + Math.log2(count) / 8);
+  path.rect(left, top + laneHeight() - height, COLUMN, height);
 }

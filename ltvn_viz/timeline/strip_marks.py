@@ -10,8 +10,9 @@ queries. The page knows only the time, so the next mark is always one at another
 
 import json
 import math
+from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -20,9 +21,12 @@ import numpy as np
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
 from ltvn_core.analysis.timeline_rows import event_mark
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
-from ltvn_viz.server.strip_kinds import DROVE_EVERY_S, QueryEnd, StripKind
+from ltvn_core.worlds import PersonLeft, PersonMoved
+from ltvn_viz.server.strip_kinds import STRIP_STYLES, QueryEnd, StripKind
 
 STRIP_NUMBERS = 10**8
 """Factor in the number by which a page requests rows: the number of the run times this factor, plus the first row."""
@@ -44,7 +48,7 @@ _KINDS: Mapping[MarkKind, StripKind] = {
     MarkKind.FAILURE: StripKind.FAILED,
     MarkKind.COLLISION: StripKind.COLLISION,
 }
-"""Kinds of all marks except those of queries, whose rows contain more than the mark."""
+"""Kinds of the marks that are the same here as in the analysis of a run."""
 
 
 class StripRow(NamedTuple):
@@ -68,8 +72,12 @@ class StripMarks:
         self._events: Sequence[e.StampedEvent] = run.events
         self._taken = 0
         self._frames = 0
-        self._drove_s = -math.inf
+        self._latest: dict[StripKind, float] = {}
+        """Time of the latest mark of each kind, in seconds."""
+        self._p: dict[EdgeKey, float] = {}
         self._plan: tuple[NodeId, ...] | None = None
+        self._under_way: list[float] = []
+        """Times at which a query began or ended, by turns, in seconds."""
         self._arrived = False
         """Whether the robot reported its arrival in the last query."""
 
@@ -79,31 +87,45 @@ class StripMarks:
 
     def take_in(self, run: Timeline) -> None:
         """Make rows of the events and images since the last call; constant time for each."""
-        rows = self._drove(run)
-        for number in range(self._taken, len(run.events)):
-            event = run.events[number].event
-            if (found := self._mark(event)) is not None:
-                after_s = max(0.0, run.instant(number).stamp - self.start_s)
-                rows.append(StripRow(_ms(after_s), *found))
-        self._taken = len(run.events)
-        self.rows += sorted(rows, key=lambda row: row.time_ms)
-
-    def _drove(self, run: Timeline) -> list[StripRow]:
-        """Return a row for each moment at which the robot was moving."""
         rows: list[StripRow] = []
-        for number in range(max(self._frames, 1), len(run.frames)):
+        for number in range(self._taken, len(run.events)):
+            event, stamp = run.events[number].event, run.instant(number).stamp
+            if isinstance(event, e.QueryStarted if len(self._under_way) % 2 == 0 else e.QueryEnded):
+                self._under_way.append(stamp)
+            if (found := self._mark(event)) is not None and self._is_due(found[0], stamp):
+                rows.append(self._row(stamp, *found))
+        self._taken = len(run.events)
+        self.rows += sorted([*rows, *self._of_images(run)], key=lambda row: row.time_ms)
+
+    def _row(self, stamp: float, kind: StripKind, first: int = _NOBODY, second: int = _NOBODY) -> StripRow:
+        self._latest[kind] = stamp
+        return StripRow(_ms(max(0.0, stamp - self.start_s)), kind, first, second)
+
+    def _is_due(self, kind: StripKind, stamp: float) -> bool:
+        """Tell whether an event gets a mark: always, unless it goes on for some time and has one that is so recent."""
+        span_s = STRIP_STYLES[kind].span_s if kind in STRIP_STYLES else 0.0
+        return span_s == 0 or stamp >= self._latest.get(kind, -math.inf) + span_s
+
+    def _of_images(self, run: Timeline) -> Iterator[StripRow]:
+        """Yield rows for the times at which there are images, and at which the robot was moving."""
+        for number in range(self._frames, len(run.frames)):
             stamp = run.frames.stamp(number)
-            if stamp < self._drove_s + DROVE_EVERY_S:
-                continue
-            moved = np.abs(run.frames.driven_pose(number) - run.frames.driven_pose(number - 1)).max()
-            if moved > _MOVED:
-                self._drove_s = stamp
-                rows.append(StripRow(_ms(max(0.0, stamp - self.start_s)), StripKind.DROVE))
+            if self._is_due(StripKind.RECORDED, stamp):
+                yield self._row(stamp, StripKind.RECORDED)
+            is_query = bisect_left(self._under_way, stamp) % 2 == 1
+            kind = StripKind.DRIVEN_BY_QUERY if is_query else StripKind.DRIVEN_BY_PERSON
+            if self._is_due(kind, stamp) and self._moved(run, number):
+                yield self._row(stamp, kind)
         self._frames = len(run.frames)
-        return rows
+
+    def _moved(self, run: Timeline, number: int) -> bool:
+        before = run.frames.driven_pose(max(number - 1, 0))
+        return bool(np.abs(run.frames.driven_pose(number) - before).max() > _MOVED)
 
     def _mark(self, event: e.Event) -> tuple[StripKind, int, int] | None:
         found = event_mark(event, self._plan)
+        kind = None if found is None else _KINDS.get(found.kind)
+        about = () if found is None else found.about
         match event:
             case e.QueryStarted(query=query, goal=goal):
                 self._plan = None
@@ -114,13 +136,24 @@ class StripMarks:
             case e.Judged(query=query, reached=False) if self._arrived:
                 return StripKind.QUERY_ENDED, query, QueryEnd.WRONG
             case e.Planned(nodes=nodes):
+                if not nodes:
+                    kind = StripKind.NO_PLAN if self._plan != () else None
+                elif not self._plan:
+                    kind, about = StripKind.PLANNED, (nodes[0], nodes[-1])
                 self._plan = nodes
+            case e.GraphChanged(delta=d.EdgeAdded(edge=edge)):
+                self._p[edge.source, edge.target] = edge.belief.p
+            case e.GraphChanged(delta=d.BeliefUpdated(source=source, target=target, belief=belief)):
+                before = self._p.get((source, target), belief.p)
+                self._p[source, target] = belief.p
+                if belief.p != before:
+                    kind, about = StripKind.ROSE if belief.p > before else StripKind.FELL, (source, target)
+            case e.WorldChanged(change=PersonMoved() | PersonLeft()):
+                kind = StripKind.PEOPLE_MOVED
             case _:
                 pass
-        if found is None:
-            return None
-        first, second, *_ = (*found.about, _NOBODY, _NOBODY)
-        return _KINDS[found.kind], first, second
+        first, second, *_ = (*about, _NOBODY, _NOBODY)
+        return None if kind is None else (kind, first, second)
 
 
 def _ms(seconds: float) -> int:

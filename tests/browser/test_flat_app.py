@@ -176,18 +176,18 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     slider = page.get_by_role("slider", name="moment on show")
     slider.focus()
     slider.press("End")
-    now = until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
+    now = until_shown(app, lambda now: now.timeline.is_replay and now.timeline.time_s > 0.2)
     assert now.moment.frames > 1
     slider.press("Home")
-    until_shown(app, lambda now: now.replay is not None and now.replay.time_s == 0)
+    until_shown(app, lambda now: now.timeline.is_replay and now.timeline.time_s == 0)
     box = slider.bounding_box()
     assert box is not None
     slider.click(position={"x": box["width"] - 3, "y": box["height"] / 2})  # A hand hardly hits the last pixel.
-    until_shown(app, lambda now: now.replay is not None and abs(now.replay.time_s - now.replay.length_s) < 0.001)
+    until_shown(app, lambda now: now.timeline.is_replay and abs(now.timeline.time_s - now.timeline.length_s) < 0.001)
     slider.press("Home")
-    until_shown(app, lambda now: now.replay is not None and now.replay.time_s == 0)
+    until_shown(app, lambda now: now.timeline.is_replay and now.timeline.time_s == 0)
     page.get_by_role("button", name="play", exact=True).click()
-    until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
+    until_shown(app, lambda now: now.timeline.is_replay and now.timeline.time_s > 0.2)
     page.get_by_role("button", name="Back to the robot").click()
     until_shown(app, lambda now: now.mode is Mode.TELEOP)
 

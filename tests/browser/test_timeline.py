@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_core.navigation import events as e
+from ltvn_core.worlds import LightChanged
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
 
@@ -108,11 +109,9 @@ def test_the_strip_shows_more_detail_and_the_whole_run_again(page: Page) -> None
     expect(slider).to_have_attribute("aria-valuetext", re.compile("now"))
 
 
-@pytest.mark.parametrize(("width", "height"), [(1000, 640), (390, 844)])
-def test_each_lane_has_a_name_beside_the_strip(page: Page, width: int, height: int) -> None:
-    page.set_viewport_size({"width": width, "height": height})
+def test_each_lane_has_a_name_beside_the_strip_where_there_is_room(page: Page) -> None:
     names = page.locator(".ltvn-time-names > div")
-    expect(names).to_have_text(["queries", "events"] if width < 500 else ["queries", "driving", "map", "world"])
+    expect(names).to_have_text(["queries", "recording", "driving", "plan", "edges", "world"])
     box = page.locator(STRIP).bounding_box()
     assert box is not None
     for name in names.all():
@@ -121,10 +120,29 @@ def test_each_lane_has_a_name_beside_the_strip(page: Page, width: int, height: i
         assert beside["x"] + beside["width"] <= box["x"]
         assert box["y"] <= beside["y"] < beside["y"] + beside["height"] <= box["y"] + box["height"]
         assert name.evaluate("shown => shown.scrollWidth <= shown.clientWidth")
-    dock = page.locator("#timeline-dock").bounding_box()
+    page.set_viewport_size({"width": 390, "height": 844})
+    expect(names.first).to_be_hidden()
+    box, dock = page.locator(STRIP).bounding_box(), page.locator("#timeline-dock").bounding_box()
+    assert box is not None
     assert dock is not None
-    assert box["width"] > 0.75 * dock["width"]
+    assert box["width"] > 0.9 * dock["width"]
     page.set_viewport_size({"width": 1000, "height": 640})
+
+
+def test_keys_read_what_a_pointer_there_is_told_and_many_events_of_a_kind_are_counted(app: FlatApp, page: Page) -> None:
+    live = app.harness.state.live
+    for _ in range(5):
+        live.emit(e.WorldChanged(LightChanged(0.5)))
+    hint = page.locator(".ltvn-time-hint")
+    page.mouse.move(500, 5)
+    expect(hint).to_be_hidden()
+    page.locator(STRIP).focus()
+    page.keyboard.press("Semicolon")
+    expect(hint).to_contain_text("world: ◈ world changed: 5×")
+    slider = page.get_by_role("slider", name="moment on show")
+    expect(slider).to_have_attribute("aria-valuetext", re.compile("world changed: 5×"))
+    slider.blur()
+    expect(hint).to_be_hidden()
 
 
 def test_the_words_are_explained_in_a_window_that_escape_closes(page: Page) -> None:

@@ -32,7 +32,7 @@ from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
+from ltvn_viz.session.snapshot import CameraImage
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, time_of
 from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
@@ -144,11 +144,6 @@ class Playback:
         self.breakpoint_monitor = BreakpointMonitor()
         """Breakpoints at which playback stops."""
         self._shown: tuple[FrameId | None, CameraImage | None] = (None, None)
-
-    @property
-    def status(self) -> PlaybackStatus:
-        """Current position in the recording."""
-        return PlaybackStatus(self.name, self.length_s, self.time_s, self.playing)
 
     @property
     def stamp(self) -> float:

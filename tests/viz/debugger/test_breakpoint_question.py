@@ -52,7 +52,7 @@ def driven(harness: SessionHarness) -> str:
 
 def played(harness: SessionHarness) -> Snapshot:
     harness.do(c.Ask(c.Action.PAUSE))
-    return harness.until(lambda snapshot: snapshot.replay is not None and not snapshot.replay.playing)
+    return harness.until(lambda snapshot: snapshot.replay is not None and not snapshot.timeline.is_playing)
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,7 @@ def stopping_twice(harness: SessionHarness) -> Snapshot:
 def test_a_replay_stops_at_each_hit_and_plays_on_from_there(harness: SessionHarness) -> None:
     stopping_twice(harness)
     first, second = played(harness), played(harness)
-    assert first.replay is not None
-    assert second.replay is not None
-    assert 0 < first.replay.time_s < second.replay.time_s
+    assert 0 < first.timeline.time_s < second.timeline.time_s
     assert second.moment.progress.ended is not None
     assert "Stopped at" in said(second)
 
@@ -149,10 +147,7 @@ def test_links_lead_to_the_next_and_to_the_previous_hit_of_a_recording(harness: 
     end = follow(harness, stopping_twice(harness), "next")
     begin = follow(harness, end, "previous")
     again = follow(harness, begin, "next")
-    assert begin.replay is not None
-    assert end.replay is not None
-    assert again.replay is not None
-    assert begin.replay.time_s < end.replay.time_s == again.replay.time_s
+    assert begin.timeline.time_s < end.timeline.time_s == again.timeline.time_s
 
 
 def test_an_offer_that_was_taken_is_offered_no_more(harness: SessionHarness) -> None:

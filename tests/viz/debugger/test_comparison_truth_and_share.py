@@ -139,8 +139,7 @@ def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) ->
     assert copied.text in [each.url for each in pieces(shown) if isinstance(each, Address)]
     demo.do(c.Seek(0.0), c.Ask(c.Action.QUESTION, ""), c.PointAt(source))
     again = demo.do(*commands_from_link(copied.text.removeprefix("/?")), ticks=2)
-    assert again.replay is not None
-    assert np.isclose(again.replay.time_s, 3.0, atol=0.011)
+    assert np.isclose(again.timeline.time_s, 3.0, atol=0.011)
     assert again.inspection.question is QuestionName.EDGE
     assert again.inspection.selection.edge == (source, target)
 

@@ -55,9 +55,7 @@ def test_html_in_messages_and_names_is_shown_as_text(gui: viser.GuiApi) -> None:
     now[0] += SECONDS[Severity.ERROR] + 1
     status.show(s.Snapshot(hint=evil, message=s.Message(evil, Severity.ERROR, 1)))
     replay = ReplayPanel(gui)
-    replay.show(
-        s.Snapshot(mode=Mode.REPLAY, replay=s.PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings={evil: ""})
-    )
+    replay.show(s.Snapshot(mode=Mode.REPLAY, replay=evil, recordings={evil: ""}))
     for markup in (status.hint, status.message, replay.about):
         assert "<img" not in markup.content
         assert "&lt;img" in markup.content
@@ -215,8 +213,12 @@ def test_panels_send_nothing_while_nothing_changes(
 
 def test_the_replay_tab_leaves_time_to_the_timeline(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
     panel = ReplayPanel(gui)
-    replay = s.PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
-    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
+    time = s.TimelineStatus(length_s=42.0, time_s=21.0)
+    panel.show(
+        replace(
+            snapshot, mode=Mode.REPLAY, replay="a.rrd", timeline=time, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}
+        )
+    )
     assert controls(panel) == 3  # The list of recordings, “Open”, and “Back to the robot”: no slider.
     assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
 

@@ -66,7 +66,7 @@ def test_a_drive_in_another_format_is_offered_imported_and_opened(page: AppSessi
     (folder / "notes.txt").write_text("no drive", encoding="utf-8")
     now = page.until(lambda now: now.sources == ("a drive",))
     assert page.do(c.Ask(c.Action.IMPORT, "a drive")).is_making
-    now = page.until(lambda now: now.replay is not None and now.replay.name == "a drive.rrd")
+    now = page.until(lambda now: now.replay == "a drive.rrd")
     assert "images" in said(now)
 
 
@@ -87,8 +87,7 @@ def test_a_drive_that_cannot_be_read_is_one_clear_line_and_leaves_nothing(page: 
     assert now.message.severity is Severity.ERROR
     assert "broken.mcap" in now.message.text
     assert "\n" not in now.message.text
-    assert now.replay is not None
-    assert now.replay.name == DRIVE
+    assert now.replay == DRIVE
     assert sorted(path.name for path in folder.iterdir()) == ["broken.mcap", DRIVE]
 
 
@@ -106,7 +105,7 @@ def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_pictures_are_
     page: AppSession,
 ) -> None:
     assert page.do(c.Ask(c.Action.BUILD)).is_making
-    now = page.until(lambda now: now.replay is not None and now.replay.name == "tour-map.rrd")
+    now = page.until(lambda now: now.replay == "tour-map.rrd")
     assert "tour-map.rrd" in page.state.library.names()
     assert "by geometric" in said(now)
     nodes = page.do(c.Seek(1e9)).moment.graph.ids

@@ -43,7 +43,7 @@ def recorded(tmp_path: Path) -> Recorded:
 
 
 def start_of(harness: SessionHarness) -> float:
-    return harness.now.moment.stamp - harness.now.replay.time_s if harness.now.replay is not None else 0.0
+    return harness.now.moment.stamp - harness.now.timeline.time_s if harness.now.replay is not None else 0.0
 
 
 def alike(one: RunMoment, other: RunMoment) -> bool:
@@ -73,8 +73,7 @@ def test_the_fold_of_a_recording_equals_what_was_shown_live(recorded: Recorded) 
 
 def test_a_replay_begins_where_driving_began_with_the_map_there(recorded: Recorded) -> None:
     harness, live = recorded
-    assert harness.now.replay is not None
-    assert harness.now.replay.length_s < 120
+    assert harness.now.timeline.length_s < 120
     assert len(harness.now.moment.graph.ids) == len(live[0].moment.graph.ids)
     assert len(harness.now.moment.trajectory) <= 2
 
@@ -82,21 +81,18 @@ def test_a_replay_begins_where_driving_began_with_the_map_there(recorded: Record
 def test_playing_follows_recorded_time_and_holds_at_the_end(recorded: Recorded) -> None:
     harness = recorded.harness
     shown = harness.do(c.Ask(c.Action.PAUSE), ticks=31)
-    assert shown.replay is not None
-    assert shown.replay.time_s == pytest.approx(31 / 30)
+    assert shown.timeline.time_s == pytest.approx(31 / 30)
     harness.do(c.Seek(1e9))
     shown = harness.wait(3)
-    assert shown.replay is not None
-    assert not shown.replay.playing
-    assert shown.replay.time_s == shown.replay.length_s
+    assert not shown.timeline.is_playing
+    assert shown.timeline.time_s == shown.timeline.length_s
 
 
 def test_seeking_stays_within_the_recording(recorded: Recorded) -> None:
     harness = recorded.harness
     for time_s in (-5.0, 1e12):
         shown = harness.do(c.Seek(time_s))
-        assert shown.replay is not None
-        assert 0 <= shown.replay.time_s <= shown.replay.length_s
+        assert 0 <= shown.timeline.time_s <= shown.timeline.length_s
 
 
 def test_the_robot_moves_smoothly_between_frames(recorded: Recorded) -> None:

@@ -3,14 +3,16 @@
 import json
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.data.recording.reader import Recording
+from ltvn_core.navigation import events as e
 from ltvn_core.navigation.events import GraphChanged, Outcome, StampedEvent, WorldChanged
 from ltvn_core.types import CONTROL_STEP_S, Twist
-from ltvn_core.worlds import DoorMoved
+from ltvn_core.worlds import DoorMoved, PersonMoved
 from ltvn_viz.panels.replay_panel import TimelinePanel
 from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
@@ -146,7 +148,9 @@ def test_back_from_a_robot_that_stands_the_last_thing_that_happened_comes_first(
     assert before.stamp < last.stamp
 
 
-def test_where_a_person_drove_is_marked_while_the_robot_moves_and_in_order(harness: SessionHarness) -> None:
+def test_where_a_person_drove_is_marked_while_the_robot_moves_and_takes_images_and_in_order(
+    harness: SessionHarness,
+) -> None:
     run = harness.state.live.timeline
     strip = StripMarks(run)
     strip.take_in(run)
@@ -155,10 +159,38 @@ def test_where_a_person_drove_is_marked_while_the_robot_moves_and_in_order(harne
     harness.wait(60)
     harness.driver.twist = None
     strip.take_in(run)
-    drove = [row for row in strip.rows[before:] if row.kind is StripKind.DROVE]
-    assert 5 <= len(drove) <= 9
+    kinds = [row.kind for row in strip.rows[before:]]
+    assert 5 <= kinds.count(StripKind.DRIVEN_BY_PERSON) <= 9
+    assert 1 <= kinds.count(StripKind.RECORDED) <= 3
     harness.wait(60)
     known = len(strip.rows)
     strip.take_in(run)
-    assert all(row.kind is not StripKind.DROVE for row in strip.rows[known + 1 :])
+    assert not {row.kind for row in strip.rows[known + 1 :]} & {StripKind.DRIVEN_BY_PERSON, StripKind.RECORDED}
     assert all(one.time_ms <= other.time_ms for one, other in pairwise(strip.rows))
+
+
+def test_what_a_query_drove_is_not_what_a_person_drove() -> None:
+    frames = [(step, step / 10, np.array([step / 10, 0.0, 0.0])) for step in range(60)]
+    during = [*example_runs.at(20, e.QueryStarted(0, 3)), *example_runs.at(40, example_runs.ended(0, 3))]
+    rows = rows_of(Timeline.of(during, frames))
+    times = {kind: [row[0] / 1000 for row in rows if row[1] == kind] for kind in StripKind}
+    assert all(2.0 < time <= 4.0 for time in times[StripKind.DRIVEN_BY_QUERY])
+    assert any(time <= 2.0 for time in times[StripKind.DRIVEN_BY_PERSON])
+    assert not any(2.0 < time <= 4.0 for time in times[StripKind.DRIVEN_BY_PERSON])
+
+
+def test_plans_beliefs_and_people_are_marked_by_what_changed() -> None:
+    plans = (e.Planned(0, nodes, 1.0) for nodes in ((1, 2, 3), (2, 3), (2, 4, 3), (), ()))
+    beliefs = (example_runs.belief(*belief, (1, 0), (0, 1)) for belief in ((1, 2, 0.9), (2, 3, 0.2), (2, 3, 0.2)))
+    people = (e.WorldChanged(PersonMoved("ann", (1.0, step, 0.0))) for step in range(20))
+    edges = example_runs.edge(1, 2, p=0.8), example_runs.edge(2, 3, p=0.8)
+    happened = *edges, e.QueryStarted(0, 3), *plans, *beliefs, *people
+    assert [row[1:] for row in rows_of(Timeline.of(example_runs.at(10, *happened)))] == [
+        (StripKind.QUERY_BEGAN, 0, 3),
+        (StripKind.PLANNED, 1, 3),
+        (StripKind.REPLANNED, 2, 3),
+        (StripKind.NO_PLAN, -1, -1),
+        (StripKind.ROSE, 1, 2),
+        (StripKind.FELL, 2, 3),
+        (StripKind.PEOPLE_MOVED, -1, -1),
+    ]

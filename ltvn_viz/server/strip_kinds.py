@@ -18,7 +18,6 @@ class StripKind(IntEnum):
     the most important."""
 
     RECORDED = 0
-    """Images were taken."""
     DRIVEN_BY_PERSON = 1
     """The robot moved, and no query was under way."""
     DRIVEN_BY_QUERY = 2
@@ -40,7 +39,6 @@ class StripKind(IntEnum):
     SEEN_BLOCKED = 13
     PRUNED = 14
     NO_PLAN = 15
-    """No path to the goal was found."""
     FAILED = 16
     """An attempt did not succeed."""
     COLLISION = 17
@@ -77,14 +75,10 @@ class StripStyle(NamedTuple):
 
 
 STRIP_STYLES: dict[StripKind, StripStyle] = {
-    StripKind.RECORDED: StripStyle(Lane.RECORDING, "▬", palette.COURSE, "images", span_s=1.0, share=0.5),
-    StripKind.DRIVEN_BY_PERSON: StripStyle(
-        Lane.DRIVING, "▂", palette.ROBOT, "driven by a person", span_s=0.25, share=0.25
-    ),
-    StripKind.DRIVEN_BY_QUERY: StripStyle(
-        Lane.DRIVING, "▅", palette.SOURCE, "driven by a query", span_s=0.25, share=0.5
-    ),
-    StripKind.PEOPLE_MOVED: StripStyle(Lane.WORLD, "▁", palette.TEXT, "people walk", span_s=0.5, share=0.25),
+    StripKind.RECORDED: StripStyle(Lane.RECORDING, "▬", palette.COURSE, "images", "", 1.0, 0.5),
+    StripKind.DRIVEN_BY_PERSON: StripStyle(Lane.DRIVING, "▂", palette.ROBOT, "driven by a person", "", 0.25, 0.25),
+    StripKind.DRIVEN_BY_QUERY: StripStyle(Lane.DRIVING, "▅", palette.SOURCE, "driven by a query", "", 0.25, 0.5),
+    StripKind.PEOPLE_MOVED: StripStyle(Lane.WORLD, "▁", palette.TEXT, "people walk", "", 0.5, 0.25),
     StripKind.ADDED: StripStyle(Lane.EDGES, "▲", palette.EDGE_ADDED, "came in", "edge"),
     StripKind.PLANNED: StripStyle(Lane.PLAN, "◇", palette.PLAN, "plan made", "path"),
     StripKind.REPLANNED: StripStyle(Lane.PLAN, "◆", palette.PLAN, "plan changed", "path"),

@@ -193,11 +193,8 @@ function listenToStrip() {
     event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
     dock.pointers.set(event.pointerId, columnUnder(event));
-    if (dock.pointers.size > 1) {
-      dock.pinch = pinchWidth();
-      return;
-    }
-    seekTo(snapped(columnUnder(event)));
+    if (dock.pointers.size === 1) seekTo(snapped(columnUnder(event)));
+    else dock.pinch = pinchWidth();
     pointAt(columnUnder(event));
   });
   canvas.addEventListener("pointermove", onStripMove);
@@ -225,19 +222,14 @@ function pinchWidth() {
 
 function onStripMove(event) {
   const column = columnUnder(event);
-  if (dock.pointers.has(event.pointerId)) {
-    dock.pointers.set(event.pointerId, column);
-    if (dock.pointers.size === 1) {
-      seekTo(timeAt(column));
-      return pointAt(column);
-    }
-    const [one, other] = [...dock.pointers.values()];
-    const width = pinchWidth();
-    zoom(width / dock.pinch, (one + other) / 2);
-    dock.pinch = width;
-  } else if (event.pointerType === "mouse") {
-    pointAt(column);
-  }
+  pointAt(column);
+  if (!dock.pointers.has(event.pointerId)) return;
+  dock.pointers.set(event.pointerId, column);
+  if (dock.pointers.size === 1) return seekTo(timeAt(column));
+  const [one, other] = [...dock.pointers.values()];
+  const width = pinchWidth();
+  zoom(width / dock.pinch, (one + other) / 2);
+  dock.pinch = width;
 }
 
 function pointAt(column) {

@@ -66,17 +66,13 @@ function isSpan(row) {
   return TIMELINE.kinds[strip.kinds[row]]?.span_s > 0;
 }
 
-function marksBetween(from, to) {
-  const rows = [];
-  for (let row = rowAt(from); row < strip.times.length && strip.times[row] <= to; row++) {
-    if (strip.kinds[row] in TIMELINE.kinds && !isSpan(row)) rows.push(row);
-  }
-  return rows;
-}
-
 function nearestMark(time, within) {
-  const near = marksBetween(time - within, time + within).map((row) => strip.times[row]);
-  return near.reduce((best, each) => (best === null || Math.abs(each - time) < Math.abs(best - time) ? each : best), null);
+  let best = null;
+  for (let row = rowAt(time - within); row < strip.times.length && strip.times[row] <= time + within; row++) {
+    const isMark = strip.kinds[row] in TIMELINE.kinds && !isSpan(row);
+    if (isMark && (best === null || Math.abs(strip.times[row] - time) < Math.abs(best - time))) best = strip.times[row];
+  }
+  return best;
 }
 
 function queryAt(time, within) {

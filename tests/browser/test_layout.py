@@ -229,9 +229,8 @@ def test_what_is_told_covers_neither_map_nor_picture_nor_stop_and_a_click_goes_t
 ) -> None:
     resize(page, width, height)
     told = page.locator(".mantine-Notification-root:visible")
-    for _ in range(2):
-        page.keyboard.press("p")
-    told.first.wait_for()
+    page.keyboard.press("p")
+    page.keyboard.press("p")
 
     def is_in_order() -> bool:
         box = told.bounding_box() if told.count() == 1 else None

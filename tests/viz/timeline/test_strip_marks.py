@@ -148,9 +148,7 @@ def test_back_from_a_robot_that_stands_the_last_thing_that_happened_comes_first(
     assert before.stamp < last.stamp
 
 
-def test_where_a_person_drove_is_marked_while_the_robot_moves_and_takes_images_and_in_order(
-    harness: SessionHarness,
-) -> None:
+def test_where_a_person_drove_and_took_images_is_marked_while_the_robot_moves(harness: SessionHarness) -> None:
     run = harness.state.live.timeline
     strip = StripMarks(run)
     strip.take_in(run)

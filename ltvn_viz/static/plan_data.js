@@ -5,8 +5,9 @@ const plan = { version: 0, nodes: new Map(), edges: new Map(), view: null, robot
 const pictures = new Map(); // Number -> ImageBitmap, or null while it comes.
 
 function hearRobot({ pose }) {
+  const glides = plan.robot !== null && pose !== null && Math.hypot(pose[0] - plan.robot[0], pose[1] - plan.robot[1]) < JUMP_M;
   plan.robot = pose;
-  moveRobot();
+  moveRobot(glides);
 }
 
 function hearView(view) {
@@ -18,7 +19,7 @@ function hearView(view) {
   if (differs(before, view, "floor", "rooms", "sheet", "solids", "bounds")) sheets.ground.redraw();
   sheets.top.redraw();
   if (differs(before, view, "floor", "bounds")) fitUntilMoved();
-  moveRobot();
+  moveRobot(true);
   showLegend();
 }
 

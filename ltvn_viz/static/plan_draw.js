@@ -43,7 +43,8 @@ class Sheet {
   constructor(draw) {
     this.draw = draw;
     this.canvas = document.createElement("canvas");
-    this.back = document.createElement("canvas");
+    this.shown = this.canvas.getContext("bitmaprenderer"); // It takes a picture over, where others copy it for each frame.
+    this.back = null; // A picture that is not yet complete.
     this.isDue = true;
     this.job = null;
     this.drawn = null; // Where the eye was when this picture was drawn.
@@ -68,8 +69,7 @@ class Sheet {
 
   begin() {
     const ratio = Math.min(devicePixelRatio, 2);
-    this.back.width = Math.round(size.width * ratio);
-    this.back.height = Math.round(size.height * ratio);
+    this.back = new OffscreenCanvas(Math.round(size.width * ratio), Math.round(size.height * ratio));
     const context = this.back.getContext("2d");
     context.scale(ratio, ratio);
     this.isDue = false;
@@ -77,12 +77,8 @@ class Sheet {
   }
 
   finish() {
-    const { width, height } = this.back;
     if (this.job.eye.scale === eye.scale || this.drawn === null || !this.isDue) {
-      if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
-      const context = this.canvas.getContext("2d");
-      context.clearRect(0, 0, width, height);
-      context.drawImage(this.back, 0, 0);
+      this.shown.transferFromImageBitmap(this.back.transferToImageBitmap());
       Object.assign(this.canvas.style, { width: `${this.job.size.width}px`, height: `${this.job.size.height}px` });
       this.drawn = this.job.eye;
     }
@@ -402,28 +398,29 @@ function drawHandle(context, x, y) {
   context.stroke();
 }
 
-// The robot and what it sees, on a small canvas that moves: the others stay as they are while it drives.
+// The robot and what it sees, on a small canvas that moves and turns: it is drawn anew only if it is larger or looks
+// farther. Between two messages the browser moves it on, so it glides however late a message is.
 const robotCanvas = document.createElement("canvas");
+let robotYaw = 0; // The one that is shown: it goes on beyond a turn, as the browser takes the way between two numbers.
 
-function moveRobot() {
+function moveRobot(glides = false) {
   const isShown = plan.robot !== null && plan.view !== null && !hidden.has("robot");
   robotCanvas.hidden = !isShown;
   if (!isShown) return;
   followRobot();
   const [x, y, yaw] = plan.robot;
   const [px, py] = planPoint(x, y);
-  robotCanvas.style.transform = `translate(${px - ROBOT_PX / 2}px, ${py - ROBOT_PX / 2}px)`;
+  robotYaw += Math.atan2(Math.sin(yaw - robotYaw), Math.cos(yaw - robotYaw));
+  robotCanvas.classList.toggle("ltvn-glides", glides);
+  robotCanvas.style.transform = `translate(${px - ROBOT_PX / 2}px, ${py - ROBOT_PX / 2}px) rotate(${-robotYaw}rad)`;
   const ratio = Math.min(devicePixelRatio, 2);
-  const look = [yaw.toFixed(2), eye.scale.toFixed(1), ratio, plan.view.fov].join();
+  const look = [eye.scale.toFixed(1), ratio, plan.view.fov, plan.view.radius].join();
   if (robotCanvas.dataset.look === look) return;
   robotCanvas.dataset.look = look;
-  const side = Math.round(ROBOT_PX * ratio);
-  if (robotCanvas.width !== side) robotCanvas.width = robotCanvas.height = side;
+  robotCanvas.width = robotCanvas.height = Math.round(ROBOT_PX * ratio);
   const context = robotCanvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, ROBOT_PX, ROBOT_PX);
+  context.scale(ratio, ratio);
   context.translate(ROBOT_PX / 2, ROBOT_PX / 2);
-  context.rotate(-yaw);
   drawRobot(context);
 }
 

@@ -7,7 +7,9 @@ from contextlib import chdir, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
+import cv2
 import nbformat
+import numpy as np
 import pytest
 from nbclient import NotebookClient
 
@@ -152,3 +154,24 @@ def test_an_example_imports_one_module_of_a_border_at_most(path: Path) -> None:
     borders = [".".join(name.split(".")[:2]) for name in modules - {"ltvn_core", "ltvn_core.palette"}]
 
     assert len(borders) == len(set(borders))
+
+
+def test_a_format_of_ones_own_is_imported(tmp_path: Path) -> None:
+    source = tmp_path / "00"
+    (source / "image_2").mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    for k in range(5):
+        cv2.imwrite(str(source / f"image_2/{k:06d}.png"), rng.integers(0, 255, (48, 64, 3), np.uint8))
+    (source / "times.txt").write_text("".join(f"{k / 10:e}\n" for k in range(5)), encoding="utf-8")
+    poses = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {k / 2}\n" for k in range(5))  # The camera's z points forward.
+    (source / "poses.txt").write_text(poses, encoding="utf-8")
+    (source / "calib.txt").write_text("P0: 1 2\nP2: 60 0 31.5 0 0 60 23.5 0 0 0 1 0\n", encoding="utf-8")
+
+    said = run("17_import_your_own_format.py", source, tmp_path / "kitti.rrd", cwd=tmp_path)
+    assert "5 images along 2.0 m" in said
+    drive = ltvn.Recording.open(tmp_path / "kitti.rrd")
+    assert drive.meta.camera is not None
+    assert drive.meta.camera.fx == 60
+    assert (
+        drive.observation(drive.frames[-1]).odometry[:2] - drive.observation(drive.frames[0]).odometry[:2]
+    ).max() == 2

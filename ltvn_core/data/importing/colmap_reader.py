@@ -6,8 +6,9 @@ The poses have a unit of their own, which COLMAP cannot know, so they are not us
 from collections.abc import Mapping
 from pathlib import Path
 
-from ltvn_core.data.importing.file_drive import FileDrive, FileDriveReader, ListedFrame
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame, listed_streams
 from ltvn_core.data.importing.file_lens import FileLens
+from ltvn_core.data.importing.raw_frame import ReadOptions
 from ltvn_core.data.importing.stamped_lists import list_lines, natural_order
 from ltvn_core.errors import DriveError
 
@@ -26,35 +27,34 @@ _KINDS = {
 """Name of a camera model -> its parameters in order."""
 
 
-class ColmapReader(FileDriveReader):
-    """A folder with images and a COLMAP model in text form, open for reading."""
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read both lists, but no image. Raises DriveError."""
+    model = _model(folder) or folder
+    lenses = _lenses(model / _LISTS[0])
+    frames = [
+        ListedFrame(colour=found, lens=lenses[camera].camera if camera in lenses else None)
+        for name, camera in _images(model / _LISTS[1])
+        for found in [f"{each}/{name}".lstrip("/") for each in _IMAGES if _is_file(folder / each / name)][:1]
+    ]
+    return FileDrive(
+        format="colmap",
+        folder=folder,
+        frames=sorted(frames, key=lambda frame: natural_order(frame.colour)),
+        streams=listed_streams(frames, _LISTS[1], options),
+        has_fixed_names=True,
+        doubts=[
+            f"The poses in {_LISTS[1]} have a unit of COLMAP's own and are not in metres, so they were not used. "
+            "Odometry in metres in a TUM list, or a model that was scaled and exported as transforms.json, is used."
+        ],
+    )
 
-    FORMAT = "colmap"
 
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with both lists; never raises."""
-        try:
-            return _model(path) is not None
-        except OSError:
-            return False
+def _is_colmap(path: Path) -> bool:
+    return _model(path) is not None
 
-    def _listed(self) -> FileDrive:
-        model = _model(self._folder) or self._folder
-        lenses = _lenses(model / _LISTS[0])
-        frames = [
-            ListedFrame(colour=found, lens=lenses.get(camera))
-            for name, camera in _images(model / _LISTS[1])
-            for found in [f"{each}/{name}".lstrip("/") for each in _IMAGES if _is_file(self._folder / each / name)][:1]
-        ]
-        return FileDrive(
-            frames=sorted(frames, key=lambda frame: natural_order(frame.colour)),
-            rgb=_LISTS[1],
-            doubts=[
-                f"The poses in {_LISTS[1]} have a unit of COLMAP's own and are not in metres, so they were not used. "
-                "Odometry in metres in a TUM list, or a model that was scaled and exported as transforms.json, is used."
-            ],
-        )
+
+COLMAP = FolderFormat(_is_colmap, _listed_drive)
+"""Folders with images and a COLMAP model in text form."""
 
 
 def _model(path: Path) -> Path | None:

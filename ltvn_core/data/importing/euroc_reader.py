@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
 from ltvn_core.data.importing.foreign_files import require_own_files
-from ltvn_core.data.importing.image_files import ImageFilesReader
 from ltvn_core.data.importing.pose_track import PoseTrack, read_poses
-from ltvn_core.data.importing.raw_frame import DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import CalibrationYaml
 from ltvn_core.data.importing.spatial_pose import Transform, inverse
 from ltvn_core.data.importing.stamped_lists import rate_hz, stamped_lines
@@ -33,99 +34,94 @@ _FISHEYES = ("equidistant", "kannala-brandt")
 _DISTORTIONS = ("radial-tangential", "radtan", "plumb_bob", "none", "")
 
 
-class EurocReader(ImageFilesReader):
-    """A sequence in the ASL layout, open for reading."""
+def _listed_drive(path: Path, options: ReadOptions) -> FileDrive:
+    """Read the lists, but no image. Raises DriveError."""
+    folder = _camera_folder(path, options.rgb)
+    body = folder.parent
+    require_own_files(body)  # The user may name one camera; poses are beside it.
+    images = _images(folder)
+    stamps = [stamp for stamp, _ in images]
+    sensor = folder / _SENSOR
+    said = CalibrationYaml(sensor) if sensor.is_file() else None
+    doubts: list[str] = []
+    camera = options.camera or (None if said is None else _lens(said, sensor, doubts))
+    camera_on_body = None if said is None else said.transform("T_BS")
+    streams = [SourceFact("rgb", folder.name, len(stamps), rate_hz(stamps))]
+    truth, truth_name = _read_truth(body, np.eye(4) if camera_on_body is None else camera_on_body)
+    if truth is not None:
+        streams.append(SourceFact("truth", truth_name, len(truth.stamps), rate_hz(truth.stamps)))
+        doubts += _time_doubts(stamps, truth.stamps, truth_name)
+    return FileDrive(
+        format="euroc",
+        folder=folder,
+        frames=[
+            ListedFrame(colour=name, moment=FrameMoment.with_truth(stamp, None if truth is None else truth.at(stamp)))
+            for stamp, name in images
+        ],
+        streams=streams,
+        place=body.resolve().parent.name if body.name == _BODY else body.resolve().name,
+        camera=camera,
+        doubts=doubts,
+    )
 
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        """Read the lists, but no image yet. Raises DriveError."""
-        super().__init__(_camera_folder(path, options.rgb), options)
-        self._body = self._folder.parent
-        require_own_files(self._body)  # The user may name one camera; poses are beside it.
-        self._listed = _images(self._folder)
-        sensor = self._folder / _SENSOR
-        said = CalibrationYaml(sensor) if sensor.is_file() else None
-        self._camera = options.camera or (None if said is None else self._lens(said))
-        camera_on_body = None if said is None else said.transform("T_BS")
-        self._truth, truth_name = self._read_truth(np.eye(4) if camera_on_body is None else camera_on_body)
-        self._doubt_times(truth_name)
-        stamps = [stamp for stamp, _ in self._listed]
-        streams = [SourceFact("rgb", self._folder.name, len(stamps), rate_hz(stamps))]
-        if self._truth is not None:
-            found = self._truth.stamps
-            streams.append(SourceFact("truth", truth_name, len(found), rate_hz(found)))
-        place = self._body.resolve().parent.name if self._body.name == _BODY else self._body.resolve().name
-        self.facts = DriveFacts(format="euroc", frames=len(stamps), streams=streams, place=place)
 
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder in the ASL layout, or one camera of it; never raises."""
-        try:
-            return any(_is_camera(each) for each in (path / _BODY / _FIRST, path / _FIRST, path))
-        except OSError:
-            return False
+def _is_euroc(path: Path) -> bool:
+    return any(_is_camera(each) for each in (path / _BODY / _FIRST, path / _FIRST, path))
 
-    def _images(self) -> Iterator[tuple[FrameMoment, str]]:
-        for stamp, name in self._listed:
-            yield FrameMoment.with_truth(stamp, None if self._truth is None else self._truth.at(stamp)), name
 
-    def _frame(self, moment: FrameMoment, image: str) -> RawFrame:
-        return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
+EUROC = FolderFormat(_is_euroc, _listed_drive)
+"""Sequences in the ASL layout, or one camera of them."""
 
-    def _lens(self, said: CalibrationYaml) -> CameraModel | None:
-        """Return the lens in a `sensor.yaml`; None if its camera model is not supported. Raises DriveError."""
-        model = said.word("camera_model").lower()
-        distortion = said.word("distortion_model").lower()
-        if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
-            self.doubts.append(
-                f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
-                "supported; give a pinhole lens with --camera."
-            )
-            return None
-        focal = said.numbers("intrinsics")
-        size = said.numbers("resolution")
-        try:
-            fx, fy, cx, cy = focal
-            width, height = (int(side) for side in size)
-            is_fisheye = distortion in _FISHEYES
-            coefficients = tuple(said.numbers("distortion_coefficients"))
-            return CameraModel(
-                width=width,
-                height=height,
-                fx=fx,
-                fy=fy,
-                cx=cx,
-                cy=cy,
-                distortion=coefficients if is_fisheye or any(coefficients) else (),
-                fisheye=is_fisheye,
-            )
-        except (ValueError, CameraError) as error:
-            raise DriveError(
-                f"{self._folder / _SENSOR} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy "
-                "and resolution in pixels. Correct it, or remove it and use --camera."
-            ) from error
 
-    def _read_truth(self, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
-        """Return the poses of the camera, and the name of their folder. Raises DriveError."""
-        for name in TRUTHS:
-            path = self._body / name / _LIST
-            if not path.is_file():
-                continue
-            sensor = self._body / name / _SENSOR
+def _lens(said: CalibrationYaml, path: Path, doubts: list[str]) -> CameraModel | None:
+    """Return the lens in a `sensor.yaml`; None, and a doubt, if its kind is not supported. Raises DriveError."""
+    model = said.word("camera_model").lower()
+    distortion = said.word("distortion_model").lower()
+    if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
+        doubts.append(
+            f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
+            "supported; give a pinhole lens with --camera."
+        )
+        return None
+    try:
+        fx, fy, cx, cy = said.numbers("intrinsics")
+        width, height = (int(side) for side in said.numbers("resolution"))
+        is_fisheye = distortion in _FISHEYES
+        coefficients = tuple(said.numbers("distortion_coefficients"))
+        return CameraModel(
+            width=width,
+            height=height,
+            fx=fx,
+            fy=fy,
+            cx=cx,
+            cy=cy,
+            distortion=coefficients if is_fisheye or any(coefficients) else (),
+            fisheye=is_fisheye,
+        )
+    except (ValueError, CameraError) as error:
+        raise DriveError(
+            f"{path} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy and resolution in "
+            "pixels. Correct it, or remove it and use --camera."
+        ) from error
+
+
+def _read_truth(body: Path, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
+    """Return the poses of the camera, and the name of their folder. Raises DriveError."""
+    for name in TRUTHS:
+        path = body / name / _LIST
+        if path.is_file():
+            sensor = body / name / _SENSOR
             on_body = CalibrationYaml(sensor).transform("T_BS") if sensor.is_file() else None
             return _track(path, (np.eye(4) if on_body is None else inverse(on_body)) @ camera_on_body), name
-        return None, ""
+    return None, ""
 
-    def _doubt_times(self, truth_name: str) -> None:
-        if self._truth is None:
-            return
-        begin = self._listed[0][0]
-        end = self._listed[-1][0]
-        stamps = self._truth.stamps
-        if stamps[-1] < begin or stamps[0] > end:
-            self.doubts.append(
-                f"The images are from {begin:.3f} to {end:.3f} s, {truth_name} from {stamps[0]:.3f} to "
-                f"{stamps[-1]:.3f} s, with no moment in common. Write both in nanoseconds of one clock."
-            )
+
+def _time_doubts(images: Sequence[float], stamps: NDArray[np.float64], name: str) -> Iterator[str]:
+    if stamps[-1] < images[0] or stamps[0] > images[-1]:
+        yield (
+            f"The images are from {images[0]:.3f} to {images[-1]:.3f} s, {name} from {stamps[0]:.3f} to "
+            f"{stamps[-1]:.3f} s, with no moment in common. Write both in nanoseconds of one clock."
+        )
 
 
 def _is_camera(folder: Path) -> bool:

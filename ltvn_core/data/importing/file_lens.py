@@ -1,15 +1,18 @@
-"""The lens of a drive in the files of other programs: a camera matrix in text or JSON, or in a format's own list.
+"""The lens of a drive in the files of other programs: a camera matrix in text or JSON, a format's own list, EXIF.
 
 Owns the names of such files beside images, and the check that a lens without an image size belongs to the images.
 """
 
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.encoded_images import heif_exif, is_heif
 from ltvn_core.data.importing.foreign_files import read_foreign
 from ltvn_core.data.importing.source_camera import HOW_TO
 from ltvn_core.data.importing.stamped_lists import list_lines
@@ -31,6 +34,9 @@ MATRIX_FILES = (
 )
 """Names of files with a camera matrix, as Stray Scanner, 3DMatch, ScanNet and Open3D write them."""
 _MOST_BYTES = 100_000
+_FOCAL_35MM_TAG = 0xA405
+_EXIF_FOLDER_TAG = 0x8769
+_DIAGONAL_35MM = 43.267
 _OFF_CENTRE = 0.2
 """Largest distance of the lens's centre from the image's middle, as a share of the side."""
 
@@ -112,3 +118,20 @@ def _of_matrix(numbers: list[float]) -> tuple[float, float, float, float]:
     matrix = np.reshape(numbers, (side, side))
     matrix = matrix.T if matrix[2, 0] and not matrix[0, 2] else matrix
     return float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
+
+
+def exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
+    """Return the lens by the EXIF focal length (35 mm equivalent) of a picture; None if it has none."""
+    try:
+        if is_heif(blob):
+            exif = heif_exif(blob)
+        else:
+            with Image.open(io.BytesIO(blob)) as image:
+                exif = image.getexif()
+        focal_mm = float(exif.get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
+    except Exception:  # Untrusted EXIF data may raise anything.
+        return None
+    if not 5 <= focal_mm <= 1000:
+        return None
+    focal_px = focal_mm / _DIAGONAL_35MM * (width**2 + height**2) ** 0.5
+    return CameraModel(width=width, height=height, fx=focal_px, fy=focal_px, cx=(width - 1) / 2, cy=(height - 1) / 2)

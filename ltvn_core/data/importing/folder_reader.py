@@ -7,7 +7,6 @@ the formats of 7-Scenes, ScanNet and Replica (`importing.pose_track`). The lens 
 approximately from the EXIF data of a picture.
 """
 
-import io
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -18,18 +17,16 @@ from typing import NamedTuple
 
 from PIL import Image
 
-from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.encoded_images import MAX_PIXELS, decode_colour, heif_exif, is_heif
+from ltvn_core.cameras.camera_model import MILLIMETRES
+from ltvn_core.cameras.encoded_images import MAX_PIXELS
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
 from ltvn_core.data.importing.file_lens import lens_beside
-from ltvn_core.data.importing.foreign_files import read_bytes_within
-from ltvn_core.data.importing.image_files import ImageFilesReader
 from ltvn_core.data.importing.pose_track import poses_beside
-from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.raw_frame import NOTHING, FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import camera_beside
 from ltvn_core.data.importing.stamped_lists import RATE_HZ, OdometryTable, natural_order, nearest, rate_hz
 from ltvn_core.data.importing.unread_files import require_file, unread_beside
 from ltvn_core.errors import DriveError
-from ltvn_core.types import Depth
 
 IMAGE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".webp", ".bmp", ".ppm", ".tif", ".tiff", ".heic", ".heif"))
 UNREADABLE_SUFFIXES = frozenset(
@@ -49,10 +46,7 @@ _DEEP_MODES = ("I", "F", "I;16", "I;16B", "I;16L")
 """Pillow's modes for images with one channel of more than 8 bits."""
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 CONFIDENCE_FOLDER = "confidence"
-"""Folder beside the depth of phones, with confidence images of the same names; see `importing.image_files`."""
-_FOCAL_35MM_TAG = 0xA405
-_EXIF_FOLDER_TAG = 0x8769
-_DIAGONAL_35MM = 43.267
+"""Folder beside the depth of phones, with confidence images of the same names; see `importing.file_drive`."""
 _UNREADABLE = "image in an unsupported format"
 
 
@@ -251,113 +245,103 @@ def _unique(numbers: Mapping[Path, tuple[int, ...]]) -> dict[tuple[int, ...], Pa
     return {key: path for path, key in numbers.items() if key and counts[key] == 1}
 
 
-class FolderReader(ImageFilesReader):
-    """A folder of pictures that is open for reading."""
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """List the pictures and read the tables beside them. Raises DriveError."""
+    pictures = colour_pictures(folder, options.rgb)
+    paths = pictures.colours
+    pairs = DepthPairs((), {}) if options.depth == NOTHING else depth_pairs(folder, options.depth, pictures)
+    table = _table(folder, options.odometry)
+    stamps = _known_stamps(paths, table, options)
+    described = camera_beside(folder)
+    lens = None if options.camera or described.camera else lens_beside(folder)
+    frames = [
+        ListedFrame(
+            colour=str(path.relative_to(folder)),
+            moment=FrameMoment(stamp, None if table is None else table.pose(path.name, stamp)),
+            depth=None if (depth := pairs.partners.get(path)) is None else str(depth.relative_to(folder)),
+            confidence=None if depth is None else _confidence(folder, depth),
+            lens=None if lens is None else lens.camera,
+        )
+        for path, stamp in zip(paths, stamps.seconds, strict=True)
+    ]
+    streams = _streams(folder, frames, table, rate_hz(stamps.seconds))
+    poses = poses_beside(folder, paths)
+    used = [*(fact.name for fact in streams), *([] if poses is None else [poses.name])]
+    return FileDrive(
+        format="folder",
+        folder=folder,
+        frames=frames,
+        streams=streams,
+        unread=[*unread_beside(folder, used), *_unread_around(folder)],
+        camera=described.camera,
+        has_exif=lens is None,
+        depth_unit_m=described.metres_per_unit or MILLIMETRES,
+        poses=poses,
+        assumed_rate_hz=stamps.assumed_hz,
+        doubts=[
+            # For depth among the pictures, `pictures.doubts` has a sentence.
+            *(pairs.doubts(paths) if pairs.files is not pictures.deep else ()),
+            *([] if table is None else table.doubts),
+            *pictures.doubts(frozenset(pairs.partners.values() if options.depth is None else pictures.deep)),
+            *_transparency_doubts(paths[0]),
+        ],
+        dropped={_UNREADABLE: len(pictures.unreadable)} if pictures.unreadable else {},
+    )
 
-    def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """List the pictures and read the tables beside them. Raises DriveError."""
-        super().__init__(folder, options)
-        pictures = colour_pictures(folder, options.rgb)
-        self._pictures = pictures.colours
-        self._depth: Mapping[Path, Path] = {}
-        if options.depth != NOTHING:
-            pairs = depth_pairs(folder, options.depth, pictures)
-            self._depth = pairs.partners
-            if pairs.files is not pictures.deep:  # For those among the pictures, `pictures.doubts` has a sentence.
-                self.doubts += pairs.doubts(self._pictures)
-        self._table = _table(folder, options.odometry)
-        self.doubts += [] if self._table is None else self._table.doubts
-        self._assumed_hz: float | None = None
-        self._stamps = self._known_stamps()
-        self._truth = poses_beside(folder, self._pictures)
-        self._described = camera_beside(folder)
-        self._lens = None if options.camera or self._described.camera else lens_beside(folder)
-        if pictures.unreadable:
-            self.dropped[_UNREADABLE] = len(pictures.unreadable)
-        self.doubts += pictures.doubts(frozenset(self._depth.values() if options.depth is None else pictures.deep))
-        if _is_transparent(self._pictures[0]):
-            self.doubts.append(
-                f"{self._pictures[0].name} is fully transparent; the colours below its transparency were used. If no "
-                "viewer shows them, save the pictures without transparency."
-            )
-        if self._truth is not None and self._truth.missing:
-            self.doubts.append(f"{self._truth.missing} images have no valid pose in {self._truth.name}.")
-        self.facts = DriveFacts(
-            format="folder",
-            frames=len(self._pictures),
-            streams=self._streams(),
-            place=folder.resolve().name,
-            assumed_rate_hz=self._assumed_hz,
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and most_pictures(path) >= FEWEST
+
+
+FOLDER = FolderFormat(_is_folder, _listed_drive)
+"""A plain folder of pictures."""
+
+
+def _confidence(folder: Path, depth: Path) -> str | None:
+    beside = Path(CONFIDENCE_FOLDER) / depth.name
+    return str(beside) if (folder / beside).is_file() else None
+
+
+def _transparency_doubts(first: Path) -> Iterator[str]:
+    if _is_transparent(first):
+        yield (
+            f"{first.name} is fully transparent; the colours below its transparency were used. If no viewer shows "
+            "them, save the pictures without transparency."
         )
 
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with some pictures."""
-        try:
-            return path.is_dir() and most_pictures(path) >= FEWEST
-        except OSError:
-            return False
 
-    def _images(self) -> Iterator[tuple[FrameMoment, Path]]:
-        for place, path in enumerate(self._pictures):
-            yield self._moment(place, path), path
+class _Stamps(NamedTuple):
+    seconds: Sequence[float]
+    assumed_hz: float | None = None
 
-    def _moment(self, place: int, path: Path) -> FrameMoment:
-        stamp = self._stamps[place]
-        odometry = None if self._table is None else self._table.pose(path.name, stamp)
-        truth = None if self._truth is None else self._truth.at(place)
-        return FrameMoment.with_truth(stamp, truth, odometry)
 
-    def _frame(self, moment: FrameMoment, image: Path) -> RawFrame:
-        name = str(image.relative_to(self._folder))
-        blob = read_bytes_within(self._folder, name)
-        rgb = decode_colour(blob, name)
-        height, width = rgb.shape[:2]
-        camera = self._options.camera or self._described.camera
-        if camera is None:
-            camera = self._lens.camera(width, height) if self._lens else _exif_camera(blob, width, height)
-        depth_m = self._if_readable(lambda: self._read_depth(image))
-        return self._raw_frame(moment, name, rgb, camera=camera, depth_m=depth_m)
+def _known_stamps(pictures: Sequence[Path], table: OdometryTable | None, options: ReadOptions) -> _Stamps:
+    """Return stamps from the names of the pictures, from the table, or by the rate."""
+    if options.rate_hz is not None:
+        return _Stamps([place / options.rate_hz for place in range(len(pictures))])
+    of_table = None if table is None else table.stamps_by_place(len(pictures))
+    if stamps := _stamps_of(pictures) or of_table:
+        return _Stamps(stamps)
+    return _Stamps([place / RATE_HZ for place in range(len(pictures))], RATE_HZ)
 
-    def _read_depth(self, picture: Path) -> Depth | None:
-        path = self._depth.get(picture)
-        if path is None:
-            return None
-        name = str(path.relative_to(self._folder))
-        unit = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
-        depth_m = self._depth_m(name, unit)
-        beside = Path(CONFIDENCE_FOLDER) / path.name
-        return self._without_unsure(depth_m, str(beside)) if (self._folder / beside).is_file() else depth_m
 
-    def _known_stamps(self) -> Sequence[float]:
-        """Return stamps from the names of the pictures, from the table, or by the rate."""
-        if self._options.rate_hz is None:
-            if stamps := _stamps_of(self._pictures):
-                return stamps
-            if self._table is not None and self._table.stamps_by_place(len(self._pictures)) is not None:
-                return self._table.stamps_by_place(len(self._pictures)) or ()
-            self._assumed_hz = RATE_HZ
-        return [place / (self._options.rate_hz or RATE_HZ) for place in range(len(self._pictures))]
+def _streams(
+    folder: Path, frames: Sequence[ListedFrame], table: OdometryTable | None, rate: float | None
+) -> list[SourceFact]:
+    found = [SourceFact("rgb", str(Path(frames[0].colour).parent), len(frames), rate)]
+    if depths := [frame.depth for frame in frames if frame.depth is not None]:
+        found.append(SourceFact("depth", str(Path(depths[0]).parent), len(depths), rate))
+    if table is not None:
+        found.append(SourceFact("odometry", table.name, len(table)))
+    return found
 
-    def _streams(self) -> Sequence[SourceFact]:
-        rate = rate_hz(self._stamps)
-        found = [SourceFact("rgb", str(self._pictures[0].parent.relative_to(self._folder)), len(self._pictures), rate)]
-        if self._depth:
-            where = next(iter(self._depth.values())).parent.relative_to(self._folder)
-            found.append(SourceFact("depth", str(where), len(self._depth), rate))
-        if self._table is not None:
-            found.append(SourceFact("odometry", self._table.name, len(self._table), None))
-        if self._truth is not None:
-            found.append(SourceFact("truth", self._truth.name, len(self._truth), None))
-        used = [fact.name for fact in found]
-        return [*found, *unread_beside(self._folder, used), *self._unread_around()]
 
-    def _unread_around(self) -> list[SourceFact]:
-        """Return what lies around a folder that has the name of one of a drive's, such as `rgb`."""
-        around = self._folder.resolve().parent
-        if self._folder.resolve().name not in IMAGE_FOLDERS:
-            return []
-        return unread_beside(around, remedy=f"Import the folder {around}, if they belong to these images.")
+def _unread_around(folder: Path) -> list[SourceFact]:
+    """Return what lies around a folder that has the name of one of a drive's, such as `rgb`."""
+    around = folder.resolve().parent
+    if folder.resolve().name not in IMAGE_FOLDERS:
+        return []
+    return unread_beside(around, remedy=f"Import the folder {around}, if they belong to these images.")
 
 
 def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
@@ -374,20 +358,3 @@ def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
 def _stamp_in(stem: str) -> float | None:
     """Return the seconds in a name such as 1305031452.791720; None for whole numbers, which only count the pictures."""
     return float(stem) if re.fullmatch(r"[0-9]{1,10}\.[0-9]+", stem) else None
-
-
-def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
-    """Return the lens from the EXIF focal length (35 mm equivalent) of a picture; None if it has none."""
-    try:
-        if is_heif(blob):
-            exif = heif_exif(blob)
-        else:
-            with Image.open(io.BytesIO(blob)) as image:
-                exif = image.getexif()
-        focal_mm = float(exif.get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
-    except Exception:  # Untrusted EXIF data may raise anything.
-        return None
-    if not 5 <= focal_mm <= 1000:
-        return None
-    focal_px = focal_mm / _DIAGONAL_35MM * (width**2 + height**2) ** 0.5
-    return CameraModel(width=width, height=height, fx=focal_px, fy=focal_px, cx=(width - 1) / 2, cy=(height - 1) / 2)

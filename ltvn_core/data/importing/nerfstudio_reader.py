@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES
-from ltvn_core.data.importing.file_drive import OPTICAL_FROM_GRAPHICS, FileDrive, FileDriveReader, ListedFrame
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame, listed_streams
 from ltvn_core.data.importing.file_lens import FileLens
 from ltvn_core.data.importing.foreign_files import read_foreign
-from ltvn_core.data.importing.spatial_pose import Transform
+from ltvn_core.data.importing.pose_track import picture_poses
+from ltvn_core.data.importing.raw_frame import ReadOptions
+from ltvn_core.data.importing.spatial_pose import OPTICAL_FROM_GRAPHICS, Transform
 from ltvn_core.data.importing.stamped_lists import natural_order
 from ltvn_core.errors import DriveError
 from ltvn_core.structured_text import parse_json
@@ -28,53 +30,55 @@ _BY_COLMAP = ("colmap_im_id", "sharpness")
 """Fields that only programs that run COLMAP write for an image."""
 
 
-class NerfstudioReader(FileDriveReader):
-    """A folder with a `transforms.json`, open for reading."""
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read the list, but no image. Raises DriveError."""
+    path = folder / LIST
+    try:
+        said = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what=LIST))
+        is_scaled = not any(name in frame for frame in said["frames"] for name in _BY_COLMAP)
+        listed = [(_listed_frame(said, frame), _pose(frame["transform_matrix"])) for frame in said["frames"]]
+        unit_m = float(said.get("depth_unit_scale_factor") or MILLIMETRES)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise DriveError(
+            f"{path} lists no images ({type(error).__name__}: {error!s:.120}); it needs frames with file_path and "
+            "transform_matrix, and fl_x, fl_y, cx, cy, w and h in pixels."
+        ) from error
+    listed.sort(key=lambda each: natural_order(each[0].colour))
+    frames = [frame for frame, _ in listed]
+    return FileDrive(
+        format="nerfstudio",
+        folder=folder,
+        frames=frames,
+        streams=listed_streams(frames, LIST, options),
+        poses=picture_poses([pose for _, pose in listed], LIST) if is_scaled else None,
+        has_fixed_names=True,
+        depth_unit_m=unit_m,
+        doubts=[
+            f"{LIST} does not say the unit of its positions, and metres were assumed."
+            if is_scaled
+            else f"The poses in {LIST} were computed by COLMAP from the images alone, in a unit of its own and not in "
+            "metres, so they were not used. Poses of a device that measures, such as a phone, are used."
+        ],
+    )
 
-    FORMAT = "nerfstudio"
 
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with such a file; never raises."""
-        try:
-            return (path / LIST).is_file()
-        except OSError:
-            return False
+def _is_nerfstudio(path: Path) -> bool:
+    return (path / LIST).is_file()
 
-    def _listed(self) -> FileDrive:
-        path = self._folder / LIST
-        try:
-            said = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what=LIST))
-            is_scaled = not any(name in frame for frame in said["frames"] for name in _BY_COLMAP)
-            frames = [self._listed_frame(said, frame, is_scaled=is_scaled) for frame in said["frames"]]
-            unit_m = float(said.get("depth_unit_scale_factor") or MILLIMETRES)
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-            raise DriveError(
-                f"{path} lists no images ({type(error).__name__}: {error!s:.120}); it needs frames with file_path and "
-                "transform_matrix, and fl_x, fl_y, cx, cy, w and h in pixels."
-            ) from error
-        return FileDrive(
-            frames=sorted(frames, key=lambda frame: natural_order(frame.colour)),
-            rgb=LIST,
-            poses=LIST,
-            depth_unit_m=unit_m,
-            doubts=[
-                f"{LIST} does not say the unit of its positions, and metres were assumed."
-                if is_scaled
-                else f"The poses in {LIST} were computed by COLMAP from the images alone, in a unit of its own and "
-                "not in metres, so they were not used. Poses of a device that measures, such as a phone, are used."
-            ],
-        )
 
-    def _listed_frame(self, said: Mapping[str, Any], frame: Mapping[str, Any], *, is_scaled: bool) -> ListedFrame:
-        colour = _name(frame["file_path"])
-        depth = frame.get("depth_file_path")
-        return ListedFrame(
-            colour=colour if Path(colour).suffix else f"{colour}.png",
-            depth=None if depth is None else _name(depth),
-            pose=_pose(frame["transform_matrix"]) if is_scaled else None,
-            lens=_lens({**said, **frame}),
-        )
+NERFSTUDIO = FolderFormat(_is_nerfstudio, _listed_drive)
+"""Folders with a `transforms.json`."""
+
+
+def _listed_frame(said: Mapping[str, Any], frame: Mapping[str, Any]) -> ListedFrame:
+    colour = _name(frame["file_path"])
+    depth = frame.get("depth_file_path")
+    lens = _lens({**said, **frame})
+    return ListedFrame(
+        colour=colour if Path(colour).suffix else f"{colour}.png",
+        depth=None if depth is None else _name(depth),
+        lens=None if lens is None else lens.camera,
+    )
 
 
 def _name(said: Any) -> str:

@@ -5,19 +5,18 @@ seconds, and `intrinsics.txt` fx fy cx cy width height. A depth image is beside 
 millimetres. The edges of the map are not read, because the map is rebuilt.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.data.importing.image_files import ImageFilesReader
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
+from ltvn_core.data.importing.file_lens import FileLens
 from ltvn_core.data.importing.pose_track import PoseTrack
-from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.stamped_lists import list_lines, rate_hz
-from ltvn_core.errors import CameraError, DriveError
-from ltvn_core.types import Depth
+from ltvn_core.errors import DriveError
 
 POSES = "poses.txt"
 STAMPS = "timestamps.txt"
@@ -26,57 +25,44 @@ LENSES = "intrinsics.txt"
 _UNIT_TOLERANCE = 0.1
 
 
-class OpenNavMapReader(ImageFilesReader):
-    """A map of OpenNavMap that is open for reading, as the drive from which it was made."""
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read the lists, but no image. Raises DriveError."""
+    listed = {name: numbers[0] for name, numbers in _rows(folder / STAMPS, columns=1).items()}
+    stamps = dict(sorted(listed.items(), key=lambda item: item[1]))
+    lenses = _rows(folder / LENSES, columns=6) if (folder / LENSES).is_file() else {}
+    track = _track(folder / POSES, stamps)
+    rate = rate_hz(list(stamps.values()))
+    return FileDrive(
+        format="opennavmap",
+        folder=folder,
+        frames=[
+            ListedFrame(
+                colour=name,
+                moment=FrameMoment.with_truth(stamp, track.at(stamp)),
+                depth=_depth_beside(folder, name),
+                lens=_lens(*lenses[name]).camera if name in lenses else None,
+            )
+            for name, stamp in stamps.items()
+        ],
+        streams=(SourceFact("rgb", STAMPS, len(stamps), rate), SourceFact("truth", POSES, len(track.stamps), rate)),
+    )
 
-    def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the lists, but no image yet. Raises DriveError."""
-        super().__init__(folder, options)
-        stamps = {name: numbers[0] for name, numbers in _rows(folder / STAMPS, columns=1).items()}
-        self._stamps = dict(sorted(stamps.items(), key=lambda item: item[1]))
-        self._lenses = _rows(folder / LENSES, columns=6) if (folder / LENSES).is_file() else {}
-        self._track = _track(folder / POSES, self._stamps)
-        rate = rate_hz(list(self._stamps.values()))
-        posed = len(self._track.stamps)
-        self.facts = DriveFacts(
-            format="opennavmap",
-            frames=len(self._stamps),
-            streams=(SourceFact("rgb", STAMPS, len(self._stamps), rate), SourceFact("truth", POSES, posed, rate)),
-            place=folder.resolve().name,
-        )
 
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with the lists of a map; never raises."""
-        try:
-            return all((path / name).is_file() for name in (POSES, STAMPS, LENSES))
-        except OSError:
-            return False
+def _is_map(path: Path) -> bool:
+    return all((path / name).is_file() for name in (POSES, STAMPS, LENSES))
 
-    def _images(self) -> Iterator[tuple[FrameMoment, str]]:
-        for name, stamp in self._stamps.items():
-            yield FrameMoment.with_truth(stamp, self._track.at(stamp)), name
 
-    def _frame(self, moment: FrameMoment, image: str) -> RawFrame:
-        rgb = self._colours(image)
-        camera = self._options.camera or self._lens(image)
-        depth_m = self._if_readable(lambda: self._read_depth(image))
-        return self._raw_frame(moment, image, rgb, camera=camera, depth_m=depth_m)
+OPENNAVMAP = FolderFormat(_is_map, _listed_drive)
+"""Maps of OpenNavMap, read as the drive from which they were made."""
 
-    def _lens(self, name: str) -> CameraModel | None:
-        if name not in self._lenses:
-            return None
-        fx, fy, cx, cy, width, height = self._lenses[name]
-        try:
-            return CameraModel(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
-        except CameraError as error:
-            raise DriveError(str(error)) from error
 
-    def _read_depth(self, name: str) -> Depth | None:
-        beside = name.rpartition(".color.")[0] + ".depth.png"
-        if self._options.depth == NOTHING or ".color." not in name or not (self._folder / beside).is_file():
-            return None
-        return self._depth_m(beside, MILLIMETRES)
+def _lens(fx: float, fy: float, cx: float, cy: float, width: float, height: float) -> FileLens:
+    return FileLens(source=LENSES, fx=fx, fy=fy, cx=cx, cy=cy, size=(int(width), int(height)))
+
+
+def _depth_beside(folder: Path, name: str) -> str | None:
+    beside = name.rpartition(".color.")[0] + ".depth.png"
+    return beside if ".color." in name and (folder / beside).is_file() else None
 
 
 def _rows(path: Path, *, columns: int) -> Mapping[str, list[float]]:

@@ -179,6 +179,17 @@ class PicturePoses:
         return len(self._places)
 
 
+def picture_poses(
+    matrices: Sequence[NDArray[np.float64] | None], name: str, *, up_axis: str | None = None
+) -> PicturePoses | None:
+    """Return the poses of pictures from a matrix (4, 4) or None for each; None if no picture has one."""
+    if all(matrix is None for matrix in matrices):
+        return None
+    no_pose = np.full((4, 4), np.nan)
+    known = np.array([no_pose if matrix is None else matrix for matrix in matrices])
+    return PicturePoses(known, name, up_axis=up_axis)
+
+
 def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
     """Return the poses stored beside a folder's pictures; None if there are none. Raises DriveError."""
     rows = folder / ROWS_FILE

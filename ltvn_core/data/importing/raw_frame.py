@@ -1,7 +1,7 @@
 """Interface of the readers of foreign formats: raw frames, facts about a drive, and doubts.
 
-Owns the contract between readers and the rest of importing, but no format. A reader is one module; its class is found
-by the entry-point group `ltvn.readers`, where an entry is `name = "package.module:ReaderClass"`.
+Owns the contract between readers and the rest of importing, but no format. A reader is one module; its class, or its
+`file_drive.FolderFormat`, is found by the entry-point group `ltvn.readers`, as `name = "package.module:ReaderClass"`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

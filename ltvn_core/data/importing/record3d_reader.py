@@ -9,11 +9,18 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.data.importing.file_drive import OPTICAL_FROM_GRAPHICS, FileDrive, FileDriveReader, ListedFrame
+from ltvn_core.data.importing.file_drive import (
+    FileDrive,
+    FolderFormat,
+    ListedFrame,
+    archived_bytes,
+    listed_streams,
+)
 from ltvn_core.data.importing.file_lens import FileLens
-from ltvn_core.data.importing.foreign_files import MOST_IMAGE_BYTES, read_bytes_within
-from ltvn_core.data.importing.raw_frame import ReadOptions, SourceFact
-from ltvn_core.data.importing.spatial_pose import transform
+from ltvn_core.data.importing.foreign_files import read_bytes_within
+from ltvn_core.data.importing.pose_track import picture_poses
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
+from ltvn_core.data.importing.spatial_pose import OPTICAL_FROM_GRAPHICS, Transform, transform
 from ltvn_core.errors import DriveError
 from ltvn_core.structured_text import parse_json
 
@@ -25,78 +32,70 @@ _DECODING = (
 )
 
 
-class Record3dReader(FileDriveReader):
-    """A recording of Record3D, open for reading."""
+def _listed_drive(path: Path, options: ReadOptions) -> FileDrive:
+    """Read the metadata, but no image. Raises DriveError."""
+    archive = _archive(path) if path.is_file() else None
 
-    FORMAT = "record3d"
+    def has(name: str) -> bool:
+        return (path / name).is_file() if archive is None else name in archive.NameToInfo
 
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        """Read the metadata, but no image yet. Raises DriveError."""
-        self._archive = None
-        if path.is_file():
-            try:
-                self._archive = zipfile.ZipFile(path)
-            except (OSError, zipfile.BadZipFile) as error:
-                raise DriveError(f"{path} is no whole .r3d file ({error!s:.120}); copy it again.") from error
-        super().__init__(path, options)
-
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a `.r3d` file, or the folder unpacked from it; never raises."""
-        try:
-            if path.suffix.lower() == ".r3d" and path.is_file():
-                return True
-            is_folder = (path / "rgbd").is_dir() or (path / "rgb").is_dir()
-            return is_folder and any((path / name).is_file() and _is_metadata(path / name) for name in _LISTS)
-        except OSError:
-            return False
-
-    def _bytes(self, name: str) -> bytes:
-        if self._archive is None:
-            return read_bytes_within(self._folder, name)
-        try:
-            if self._archive.getinfo(name).file_size > MOST_IMAGE_BYTES:
-                raise DriveError(f"{name} in {self._folder} is too large for a file of a phone.")
-            return self._archive.read(name)
-        except (KeyError, OSError, RuntimeError, zipfile.BadZipFile, NotImplementedError) as error:
-            raise DriveError(f"{name} cannot be read from {self._folder} ({error!s:.120}).") from error
-
-    def _has(self, name: str) -> bool:
-        return (self._folder / name).is_file() if self._archive is None else name in self._archive.NameToInfo
-
-    def _listed(self) -> FileDrive:
-        name = next((each for each in _LISTS if self._has(each)), _LISTS[0])
-        try:
-            said = parse_json(self._bytes(name))
-            lenses = _lenses(said, name)
-            stamps = said.get("frameTimestamps") or [place / float(said["fps"]) for place in range(len(said["poses"]))]
-            frames = [
+    name = next(filter(has, _LISTS), _LISTS[0])
+    try:
+        said = parse_json(read_bytes_within(path, name) if archive is None else archived_bytes(archive, name))
+        lenses = _lenses(said, name)
+        stamps = said.get("frameTimestamps") or [place / float(said["fps"]) for place in range(len(said["poses"]))]
+        frames: list[ListedFrame] = []
+        poses: list[Transform | None] = []
+        for place, numbers in enumerate(said["poses"]):
+            colour = next((each.format(place) for each in _COLOURS if has(each.format(place))), None)
+            depth = f"depth/{place}.png"
+            pose = transform(numbers[4:7], numbers[:4])
+            if colour is None:
+                continue
+            frames.append(
                 ListedFrame(
                     colour=colour,
-                    stamp=float(stamps[place]),
-                    depth=f"depth/{place}.png" if self._has(f"depth/{place}.png") else None,
-                    pose=None
-                    if (pose := transform(numbers[4:7], numbers[:4])) is None
-                    else pose @ OPTICAL_FROM_GRAPHICS,
-                    lens=lenses[min(place, len(lenses) - 1)],
+                    moment=FrameMoment(float(stamps[place])),
+                    depth=depth if has(depth) else None,
+                    lens=lenses[min(place, len(lenses) - 1)].camera,
                 )
-                for place, numbers in enumerate(said["poses"])
-                if (colour := next((each.format(place) for each in _COLOURS if self._has(each.format(place))), ""))
-            ]
-        except (ValueError, TypeError, KeyError, IndexError, AttributeError, ZeroDivisionError) as error:
-            raise DriveError(
-                f"{name} of {self._folder} is not of Record3D ({type(error).__name__}: {error!s:.120}); it needs K, w, "
-                "h, fps and poses. Export the recording again."
-            ) from error
-        packed = SourceFact("", "rgbd/*.depth", could_be="depth", kind="LZFSE", remedy=_DECODING)
-        return FileDrive(
-            frames=frames,
-            rgb=frames[0].colour.partition("/")[0] if frames else "",
-            poses=name,
-            pose_role="odometry",
-            up_axis="y",
-            unread=[packed] if self._has("rgbd/0.depth") else [],
-        )
+            )
+            poses.append(None if pose is None else pose @ OPTICAL_FROM_GRAPHICS)
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, ZeroDivisionError) as error:
+        raise DriveError(
+            f"{name} of {path} is not of Record3D ({type(error).__name__}: {error!s:.120}); it needs K, w, h, fps and "
+            "poses. Export the recording again."
+        ) from error
+    packed = SourceFact("", "rgbd/*.depth", could_be="depth", kind="LZFSE", remedy=_DECODING)
+    return FileDrive(
+        format="record3d",
+        folder=path,
+        frames=frames,
+        streams=listed_streams(frames, frames[0].colour.partition("/")[0] if frames else "", options),
+        unread=[packed] if has("rgbd/0.depth") else [],
+        poses=picture_poses(poses, name, up_axis="y"),
+        pose_role="odometry",
+        has_fixed_names=True,
+        archive=archive,
+    )
+
+
+def _is_recording(path: Path) -> bool:
+    if path.suffix.lower() == ".r3d" and path.is_file():
+        return True
+    is_folder = (path / "rgbd").is_dir() or (path / "rgb").is_dir()
+    return is_folder and any((path / name).is_file() and _is_metadata(path / name) for name in _LISTS)
+
+
+RECORD3D = FolderFormat(_is_recording, _listed_drive)
+"""Recordings of Record3D: `.r3d` files, or the folders unpacked from them."""
+
+
+def _archive(path: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(path)
+    except (OSError, zipfile.BadZipFile) as error:
+        raise DriveError(f"{path} is no whole .r3d file ({error!s:.120}); copy it again.") from error
 
 
 def _is_metadata(path: Path) -> bool:

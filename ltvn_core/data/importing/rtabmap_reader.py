@@ -12,10 +12,10 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl
-from ltvn_core.data.importing.image_files import ReadableDepths
+from ltvn_core.data.importing.file_drive import FileDriveReader, ReadableDepths
 from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.data.importing.rtabmap.database import Node, NodeImages, RigCamera, RtabmapDatabase, parse_calibration
-from ltvn_core.data.importing.rtabmap.export_reader import RtabmapExportReader
+from ltvn_core.data.importing.rtabmap.export_reader import EXPORT
 from ltvn_core.data.importing.source_camera import fitted
 from ltvn_core.data.importing.spatial_pose import CameraMounting, SpatialPose, Transform, spatial_pose
 from ltvn_core.errors import CameraError, DriveError
@@ -60,14 +60,14 @@ class RtabmapReader:
     def recognises(cls, path: Path) -> bool:
         """Tell whether a path has the name of a database, or is a folder that RTAB-Map exported; never raises."""
         try:
-            return (path.suffix == ".db" and path.is_file()) or RtabmapExportReader.recognises(path)
+            return (path.suffix == ".db" and path.is_file()) or EXPORT.recognises(path)
         except OSError:
             return False
 
     @classmethod
-    def open(cls, path: Path, options: ReadOptions) -> "RtabmapReader | RtabmapExportReader":
+    def open(cls, path: Path, options: ReadOptions) -> "RtabmapReader | FileDriveReader":
         """Open a database or an exported folder. Raises DriveError."""
-        return RtabmapExportReader(path, options) if path.is_dir() else cls(path, options)
+        return EXPORT.open(path, options) if path.is_dir() else cls(path, options)
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the nodes as frames in the order of their stamps. Raises DriveError where none can be read."""

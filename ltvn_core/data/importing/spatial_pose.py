@@ -17,6 +17,8 @@ from ltvn_core.types import Pose, Tilt
 
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation (3, 3) from the optical frame (right, down, forward) to the body frame (forward, left, up)."""
+OPTICAL_FROM_GRAPHICS = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Pose (4, 4) of the optical frame in the camera frame of OpenGL and ARKit (x right, y up, z backwards)."""
 
 _WORST_PITCH = np.radians(89.0)
 """Largest pitch in radians; a camera that looks straight up or down has no heading, so its pitch is limited to this."""

@@ -7,12 +7,13 @@ forward). The colours are `rgb.mp4`, or pictures that were taken out of it, with
 """
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
-from ltvn_core.data.importing.file_drive import FileDrive, FileDriveReader, ListedFrame
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame, listed_streams
 from ltvn_core.data.importing.file_lens import FileLens, lens_beside
 from ltvn_core.data.importing.folder_reader import colour_pictures, most_pictures
+from ltvn_core.data.importing.pose_track import picture_poses
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions
 from ltvn_core.data.importing.spatial_pose import transform
 from ltvn_core.data.importing.stamped_lists import list_lines
 from ltvn_core.errors import DriveError
@@ -20,60 +21,58 @@ from ltvn_core.errors import DriveError
 POSES = "odometry.csv"
 VIDEO = "rgb.mp4"
 _HEADER = re.compile(rb"\s*timestamp\s*,\s*frame\s*,\s*x\s*,\s*y\s*,\s*z\s*,\s*qx\s*,\s*qy\s*,\s*qz\s*,\s*qw")
-_COLUMNS = ("timestamp", "frame", "x", "y", "z", "qx", "qy", "qz", "qw")
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_COLUMNS = ("timestamp", "frame", "x", "y", "z", *_QUATERNION)
 _MOST_FRAMES = 10_000_000
 _LENS_COLUMNS = ("fx", "fy", "cx", "cy")
 
 
-class StrayReader(FileDriveReader):
-    """A scan of Stray Scanner, open for reading."""
-
-    FORMAT = "stray"
-
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with the app's table and its images; never raises."""
-        try:
-            with (path / POSES).open("rb") as file:
-                is_table = _HEADER.match(file.read(200)) is not None
-            return is_table and ((path / VIDEO).is_file() or most_pictures(path) > 0)
-        except OSError:
-            return False
-
-    def _listed(self) -> FileDrive:
-        folder = self._folder
-        is_video = (folder / VIDEO).is_file()
-        taken_out = {} if is_video else {_number(path): path for path in colour_pictures(folder, None).colours}
-        matrix = lens_beside(folder)
-        frames = [
-            self._row(row, VIDEO if is_video else str(taken_out[int(row["frame"])].relative_to(folder)), matrix)
-            for row in _rows(folder / POSES)
-            if is_video or int(row["frame"]) in taken_out
-        ]
-        return FileDrive(
-            frames=frames,
-            rgb=VIDEO if is_video else "pictures",
-            video=folder / VIDEO if is_video else None,
-            poses=POSES,
-            pose_role="odometry",
-            up_axis="y",
-        )
-
-    def _row(self, row: Mapping[str, float], colour: str, matrix: FileLens | None) -> ListedFrame:
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read the table, but no image. Raises DriveError."""
+    is_video = (folder / VIDEO).is_file()
+    taken_out = {} if is_video else {_number(path): path for path in colour_pictures(folder, None).colours}
+    matrix = lens_beside(folder)
+    rows = [row for row in _rows(folder / POSES) if is_video or int(row["frame"]) in taken_out]
+    frames: list[ListedFrame] = []
+    for row in rows:
         numbered = f"{int(row['frame']):06d}.png"
-        depth, confidence = f"depth/{numbered}", f"confidence/{numbered}"
-        own = None
-        if all(name in row for name in _LENS_COLUMNS):
-            fx, fy, cx, cy = (row[name] for name in _LENS_COLUMNS)
-            own = FileLens(source=POSES, fx=fx, fy=fy, cx=cx, cy=cy)
-        return ListedFrame(
-            colour=colour,
-            stamp=row["timestamp"],
-            depth=depth if (self._folder / depth).is_file() else None,
-            confidence=confidence if (self._folder / confidence).is_file() else None,
-            pose=transform([row[name] for name in "xyz"], [row[name] for name in ("qx", "qy", "qz", "qw")]),
-            lens=own or matrix,
+        lens = matrix
+        if "fx" in row:
+            lens = FileLens(source=POSES, fx=row["fx"], fy=row["fy"], cx=row["cx"], cy=row["cy"])
+        frames.append(
+            ListedFrame(
+                colour=VIDEO if is_video else str(taken_out[int(row["frame"])].relative_to(folder)),
+                moment=FrameMoment(row["timestamp"]),
+                depth=_existing(folder, f"depth/{numbered}"),
+                confidence=_existing(folder, f"confidence/{numbered}"),
+                lens=None if lens is None else lens.camera,
+            )
         )
+    poses = [transform([row[name] for name in "xyz"], [row[name] for name in _QUATERNION]) for row in rows]
+    return FileDrive(
+        format="stray",
+        folder=folder,
+        frames=frames,
+        streams=listed_streams(frames, VIDEO if is_video else "pictures", options),
+        poses=picture_poses(poses, POSES, up_axis="y"),
+        pose_role="odometry",
+        has_fixed_names=True,
+        video=folder / VIDEO if is_video else None,
+    )
+
+
+def _is_scan(path: Path) -> bool:
+    with (path / POSES).open("rb") as file:
+        is_table = _HEADER.match(file.read(200)) is not None
+    return is_table and ((path / VIDEO).is_file() or most_pictures(path) > 0)
+
+
+STRAY = FolderFormat(_is_scan, _listed_drive)
+"""Scans of Stray Scanner: folders with the app's table and its images."""
+
+
+def _existing(folder: Path, name: str) -> str | None:
+    return name if (folder / name).is_file() else None
 
 
 def _number(path: Path) -> int:
@@ -90,7 +89,8 @@ def _rows(path: Path) -> list[dict[str, float]]:
             row = dict(zip(names, map(float, words), strict=False))
             if not 0 <= int(row["frame"]) < _MOST_FRAMES:
                 raise ValueError("no number of a frame")
-            rows.append({name: row[name] for name in (*_COLUMNS, *(each for each in _LENS_COLUMNS if each in row))})
+            has_lens = all(name in row for name in _LENS_COLUMNS)
+            rows.append({name: row[name] for name in (*_COLUMNS, *(_LENS_COLUMNS if has_lens else ()))})
         except (ValueError, KeyError, OverflowError) as error:
             raise DriveError(f"{path}, line {number} is {line!s:.60}; it needs {', '.join(_COLUMNS)}.") from error
     return rows

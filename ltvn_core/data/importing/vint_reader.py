@@ -4,16 +4,14 @@ The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row k be
 no stamp; the lens comes from a `camera.json`, if there is one.
 """
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
 from ltvn_core.data.importing.foreign_files import require_within
-from ltvn_core.data.importing.image_files import ImageFilesReader
-from ltvn_core.data.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.restricted_pickle import load_pickle
 from ltvn_core.data.importing.source_camera import camera_beside
 from ltvn_core.errors import DriveError
@@ -30,65 +28,38 @@ _LONGEST_ROW = 16
 """Largest number of values of one pose."""
 _NUMBERS = (int, float, np.number)
 
-NO_POSE = "without a pose"
+
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read the poses and list the images. Raises DriveError; for a whole data set, it lists the trajectories."""
+    if not (folder / TRAJECTORY).is_file() and (several := _trajectories(folder)):
+        names = ", ".join(several[:_LISTED]) + (" ..." if len(several) > _LISTED else "")
+        raise DriveError(f"{folder} holds {len(several)} trajectories; name one of them: {names}.")
+    rate = options.rate_hz or DEFAULT_RATE_HZ
+    poses = _poses(folder)
+    images = _images(folder)
+    assumed = f"The images have no stamps; {DEFAULT_RATE_HZ:g} per second are assumed; --rate sets another rate."
+    return FileDrive(
+        format="vint",
+        folder=folder,
+        frames=[
+            ListedFrame(colour=name, moment=FrameMoment(number / rate, poses[number] if number < len(poses) else None))
+            for number, name in images.items()
+        ],
+        streams=(
+            SourceFact("rgb", "*.jpg", len(images), rate),
+            SourceFact("odometry", TRAJECTORY, len(poses), rate),
+        ),
+        camera=camera_beside(folder).camera,
+        doubts=[] if options.rate_hz is not None else [assumed],
+    )
 
 
-class VintReader(ImageFilesReader):
-    """A trajectory that is open for reading."""
+def _is_vint(path: Path) -> bool:
+    return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
 
-    DAMAGED = "damaged image"
-    MOST_AT_FIRST = math.inf
 
-    def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the poses and list the images. Raises DriveError."""
-        super().__init__(folder, options)
-        self._camera = options.camera or camera_beside(folder).camera
-        self._rate_hz = options.rate_hz or DEFAULT_RATE_HZ
-        self._poses = _poses(folder)
-        self._numbered = _images(folder)
-        if options.rate_hz is None:
-            self.doubts.append(
-                f"The images have no stamps; {DEFAULT_RATE_HZ:g} per second are assumed; --rate sets another rate."
-            )
-        self.facts = DriveFacts(
-            format="vint",
-            frames=len(self._numbered),
-            streams=(
-                SourceFact("rgb", "*.jpg", len(self._numbered), self._rate_hz),
-                SourceFact("odometry", TRAJECTORY, len(self._poses), self._rate_hz),
-            ),
-            place=folder.resolve().name,
-        )
-
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with a trajectory, or a folder of such folders; never raises."""
-        try:
-            return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
-        except OSError:
-            return False
-
-    @classmethod
-    def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a trajectory. Raises DriveError; for a whole data set, it lists the trajectories."""
-        if not (path / TRAJECTORY).is_file() and (several := _trajectories(path)):
-            names = ", ".join(several[:_LISTED]) + (" ..." if len(several) > _LISTED else "")
-            raise DriveError(f"{path} holds {len(several)} trajectories; name one of them: {names}.")
-        return cls(path, options)
-
-    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames of the wanted moments. Raises DriveError if no image can be read."""
-        yield from super().frames_where(wanted)
-        if self.dropped[self.DAMAGED] == len(self._numbered):
-            raise DriveError(f"{self._folder} has no image that can be read. {' '.join(self.doubts)}")
-
-    def _images(self) -> Iterator[tuple[FrameMoment, str]]:
-        for number, name in self._numbered.items():
-            pose = self._poses[number] if number < len(self._poses) else None
-            yield FrameMoment(number / self._rate_hz, pose), name
-
-    def _frame(self, moment: FrameMoment, image: str) -> RawFrame:
-        return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
+VINT = FolderFormat(_is_vint, _listed_drive)
+"""Trajectories, or folders of them."""
 
 
 def _trajectories(path: Path) -> list[str]:

@@ -7,24 +7,23 @@ of images and poses. Depth is registered to the colours, with fewer pixels; pixe
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Self
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
 from ltvn_core.data.importing.foreign_files import require_within
-from ltvn_core.data.importing.image_files import ImageFilesReader, without_low_confidence
 from ltvn_core.data.importing.pose_track import PoseTrack
-from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
-from ltvn_core.data.importing.source_camera import CalibrationYaml, camera_beside, fitted
+from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
+from ltvn_core.data.importing.source_camera import CalibrationYaml, camera_beside
 from ltvn_core.data.importing.spatial_pose import BODY_FROM_OPTICAL, Transform, is_rigid, transform
 from ltvn_core.data.importing.stamped_lists import list_lines, rate_hz
 from ltvn_core.errors import CameraError, DriveError
-from ltvn_core.types import Depth
 
 _COLOUR_SUFFIXES = (".jpg", ".jpeg", ".png")
 _LENS_SUFFIXES = (".yaml", ".yml")
@@ -207,129 +206,114 @@ def _key(stamp: float | None) -> float:
     return float("nan") if stamp is None else round(float(stamp), 6)
 
 
-class RtabmapExportReader(ImageFilesReader):
-    """An export of RTAB-Map that is open for reading."""
-
-    def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the list of poses, but no image yet. Raises DriveError."""
-        super().__init__(folder, options)
-        files = ExportFiles.find(folder)
-        if files is None:
-            raise DriveError(
-                f"{folder} is not an export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
-                "`rtabmap-export --images --poses_camera FILE.db` writes them; or name the database."
-            )
-        self._files = files
-        self._paths = list(files.images())
-        if not self._paths:
-            raise DriveError(f"{files.rgb} holds no images (.jpg or .png).")
-        self._described = camera_beside(self._folder)
-        found = {} if files.poses is None else read_poses(self._within(files.poses), self._paths)
-        self._stamps = self._known_stamps(found)
-        self._paths.sort(key=self._stamps.__getitem__)
-        self._truth = self._track(found) if found else None
-        self.facts = DriveFacts(
-            format="rtabmap",
-            frames=len(self._paths),
-            streams=self._streams(len(found)),
-            place=self._folder.resolve().name,
+def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
+    """Read the list of poses, but no image. Raises DriveError."""
+    files = ExportFiles.find(folder)
+    if files is None:
+        raise DriveError(
+            f"{folder} is not an export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
+            "`rtabmap-export --images --poses_camera FILE.db` writes them; or name the database."
         )
-
-    @classmethod
-    def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder that RTAB-Map exported. Raises OSError."""
-        return ExportFiles.find(path) is not None
-
-    def _images(self) -> Iterator[tuple[FrameMoment, Path]]:
-        for path in self._paths:
-            stamp = self._stamps[path]
-            yield FrameMoment.with_truth(stamp, None if self._truth is None else self._truth.at(stamp)), path
-
-    def _frame(self, moment: FrameMoment, image: Path) -> RawFrame:
-        name = str(image.relative_to(self._folder))
-        rgb = self._colours(name)
-        depth_m = self._if_readable(lambda: self._depth(image))
-        return self._raw_frame(moment, name, rgb, depth_m=depth_m, camera=self._lens(image, rgb.shape[1], rgb.shape[0]))
-
-    def _lens(self, image: Path, width: int, height: int) -> CameraModel | None:
-        said = self._options.camera or self._described.camera
-        path = self._files.lens_of(image)
-        if said is None and path is not None:
-            said = _described_lens(self._within(path), width, height)
-        return None if said is None else fitted(said, width, height, image.name)
-
-    def _depth(self, image: Path) -> Depth | None:
-        path = None if self._options.depth == NOTHING else self._files.depth_of(image)
-        if path is None:
-            return None
-        name = str(path.relative_to(self._folder))
-        unit_m = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
-        depth = self._depth_m(name, unit_m)
-        confidence = self._files.confidence_of(image)
-        return depth if confidence is None else self._trusted(depth, str(confidence.relative_to(self._folder)))
-
-    def _trusted(self, depth: Depth, name: str) -> Depth:
-        """Return depth (h, w) without pixels of low confidence, from the confidence image `name`."""
-        levels = self._colours(name)[..., 0]
-        if levels.shape != depth.shape:
-            size = (depth.shape[1], depth.shape[0])
-            levels = np.asarray(cv2.resize(levels, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-        return without_low_confidence(depth, levels)
-
-    def _known_stamps(self, found: Mapping[Path, ExportedPose]) -> dict[Path, float]:
-        """Return the stamps of the images: from the list of poses, else from the file names, else from the rate."""
-        listed = {image: pose.stamp for image, pose in found.items() if pose.stamp is not None}
-        if listed and self._options.rate_hz is None:
-            # Images without a pose are left out, because their place is unknown.
-            missing = [image for image in self._paths if image not in listed]
-            if missing:
-                self.dropped["without a pose"] = len(missing)
-                self._paths = [image for image in self._paths if image in listed]
-            return listed
-        try:
-            if self._options.rate_hz is None and all("." in image.stem for image in self._paths):
-                return {image: float(image.stem) for image in self._paths}
-        except ValueError:
-            pass  # Names with a point are not always numbers.
-        rate = self._options.rate_hz or RATE_HZ
-        if self._options.rate_hz is None:
-            self.doubts.append(
-                f"The images have no stamps; {RATE_HZ:g} per second are assumed; --rate sets another rate."
-            )
-        return {image: place / rate for place, image in enumerate(self._paths)}
-
-    def _track(self, found: Mapping[Path, ExportedPose]) -> PoseTrack:
-        images = [image for image in self._paths if image in found]
-        matrices = np.stack([found[image].pose for image in images])
-        of_camera = self._files.poses is not None and self._files.poses.name.endswith("camera_poses.txt")
-        lens = self._files.lens_of(images[0])
-        on_robot = None if lens is None else CalibrationYaml(self._within(lens)).transform("local_transform")
-        matrices = camera_poses(matrices, are_of_camera=of_camera, camera_on_robot=on_robot)
-        stamps, rows = np.unique([self._stamps[image] for image in images], return_index=True)
-        self.doubts.append(
-            "The true poses are those of RTAB-Map's own map: useful for an evaluation, but not measured."
-        )
-        return PoseTrack(stamps, matrices[rows, :3, 3], Rotation.from_matrix(matrices[rows, :3, :3]))
-
-    def _streams(self, poses: int) -> list[SourceFact]:
-        rate = rate_hz([self._stamps[image] for image in self._paths])
-        depths = sum(self._files.depth_of(image) is not None for image in self._paths)
-        poses_name = "" if self._files.poses is None else self._files.poses.name
-        streams = (
-            SourceFact("rgb", self._files.rgb.name, len(self._paths), rate),
-            SourceFact("depth", "" if self._files.depth is None else self._files.depth.name, depths, rate),
-            SourceFact("truth", poses_name, poses),
-        )
-        return [stream for stream in streams if stream.count]
-
-    def _within(self, path: Path) -> Path:
-        require_within(path, self._folder)
-        return path
+    paths = files.images()
+    if not paths:
+        raise DriveError(f"{files.rgb} holds no images (.jpg or .png).")
+    found = {} if files.poses is None else read_poses(_within(folder, files.poses), paths)
+    doubts: list[str] = []
+    stamps = _known_stamps(paths, found, options, doubts)
+    if missing := len(paths) - len(stamps):
+        paths = [image for image in paths if image in stamps]
+    paths = sorted(paths, key=stamps.__getitem__)
+    track = _track(folder, files, {image: found[image] for image in paths if image in found}, stamps)
+    if track is not None:
+        doubts.append("The true poses are those of RTAB-Map's own map: useful for an evaluation, but not measured.")
+    described = camera_beside(folder)
+    return FileDrive(
+        format="rtabmap",
+        folder=folder,
+        frames=[_listed_frame(folder, files, image, stamps[image], track) for image in paths],
+        streams=_streams(files, paths, len(found), rate_hz([stamps[image] for image in paths])),
+        camera=described.camera,
+        depth_unit_m=described.metres_per_unit or MILLIMETRES,
+        doubts=doubts,
+        dropped={"without a pose": missing} if missing else {},
+    )
 
 
-def _described_lens(path: Path, width: int, height: int) -> CameraModel:
+def _is_export(path: Path) -> bool:
+    return ExportFiles.find(path) is not None
+
+
+EXPORT = FolderFormat(_is_export, _listed_drive)
+"""Folders that RTAB-Map exported."""
+
+
+def _listed_frame(folder: Path, files: ExportFiles, image: Path, stamp: float, track: PoseTrack | None) -> ListedFrame:
+    depth = files.depth_of(image)
+    confidence = files.confidence_of(image)
+    lens = files.lens_of(image)
+    return ListedFrame(
+        colour=str(image.relative_to(folder)),
+        moment=FrameMoment.with_truth(stamp, None if track is None else track.at(stamp)),
+        depth=None if depth is None else str(depth.relative_to(folder)),
+        confidence=None if confidence is None else str(confidence.relative_to(folder)),
+        lens=None if lens is None else partial(_described_lens, folder, lens),
+    )
+
+
+def _known_stamps(
+    images: Sequence[Path], found: Mapping[Path, ExportedPose], options: ReadOptions, doubts: list[str]
+) -> dict[Path, float]:
+    """Return the stamps of the images: from the list of poses, else from the file names, else from the rate.
+
+    With stamps from the list, images without a pose are left out, because their place is unknown.
+    """
+    listed = {image: pose.stamp for image, pose in found.items() if pose.stamp is not None}
+    if listed and options.rate_hz is None:
+        return listed
+    try:
+        if options.rate_hz is None and all("." in image.stem for image in images):
+            return {image: float(image.stem) for image in images}
+    except ValueError:
+        pass  # Names with a point are not always numbers.
+    if options.rate_hz is None:
+        doubts.append(f"The images have no stamps; {RATE_HZ:g} per second are assumed; --rate sets another rate.")
+    return {image: place / (options.rate_hz or RATE_HZ) for place, image in enumerate(images)}
+
+
+def _track(
+    folder: Path, files: ExportFiles, found: Mapping[Path, ExportedPose], stamps: Mapping[Path, float]
+) -> PoseTrack | None:
+    """Return the poses of the camera over time; None if no image has one. Raises DriveError."""
+    if not found or files.poses is None:
+        return None
+    lens = files.lens_of(next(iter(found)))
+    matrices = camera_poses(
+        np.stack([pose.pose for pose in found.values()]),
+        are_of_camera=files.poses.name.endswith(_CAMERA_POSES),
+        camera_on_robot=None if lens is None else CalibrationYaml(_within(folder, lens)).transform("local_transform"),
+    )
+    times, rows = np.unique([stamps[image] for image in found], return_index=True)
+    return PoseTrack(times, matrices[rows, :3, 3], Rotation.from_matrix(matrices[rows, :3, :3]))
+
+
+def _streams(files: ExportFiles, images: Sequence[Path], poses: int, rate: float | None) -> list[SourceFact]:
+    depths = sum(files.depth_of(image) is not None for image in images)
+    streams = (
+        SourceFact("rgb", files.rgb.name, len(images), rate),
+        SourceFact("depth", "" if files.depth is None else files.depth.name, depths, rate),
+        SourceFact("truth", "" if files.poses is None else files.poses.name, poses),
+    )
+    return [stream for stream in streams if stream.count]
+
+
+def _within(folder: Path, path: Path) -> Path:
+    require_within(path, folder)
+    return path
+
+
+def _described_lens(folder: Path, path: Path, width: int, height: int) -> CameraModel:
     """Return the lens in a file of OpenCV's FileStorage; without a size in the file, for images of the given size."""
-    said = CalibrationYaml(path)
+    said = CalibrationYaml(_within(folder, path))
     try:
         matrix = np.reshape(said.numbers("camera_matrix"), (3, 3)).tolist()
         distortion = tuple(said.numbers("distortion_coefficients"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.data.importing.drive_import import import_drive
-from ltvn_core.data.importing.euroc_reader import EurocReader
+from ltvn_core.data.importing.euroc_reader import EUROC
 from ltvn_core.data.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import DriveError
@@ -57,7 +57,7 @@ def write_sequence(folder: Path, frames: int = 4, sensor: str = SENSOR) -> Path:
 
 
 def read(folder: Path, options: ReadOptions | None = None) -> list[RawFrame]:
-    return list(EurocReader.open(folder, options or ReadOptions()).frames())
+    return list(EUROC.open(folder, options or ReadOptions()).frames())
 
 
 @pytest.mark.parametrize("name", ["", "mav0", "mav0/cam0"])
@@ -66,8 +66,8 @@ def test_a_sequence_comes_in_with_its_lens_and_the_poses_of_the_camera(tmp_path:
 
     frames = read(folder)
 
-    assert EurocReader.recognises(folder)
-    assert EurocReader.open(folder, ReadOptions()).facts.place == "MH_01"
+    assert EUROC.recognises(folder)
+    assert EUROC.open(folder, ReadOptions()).facts.place == "MH_01"
     assert [frame.stamp - BEGIN_NS * 1e-9 for frame in frames] == pytest.approx([0, 0.05, 0.1, 0.15], abs=1e-5)
     # The body looks along y, so 0.1 m ahead of it is y, and 0.2 m to its left is -x.
     assert frames[2].truth == pytest.approx([0.8, 0.5, np.pi / 2], abs=1e-9)
@@ -81,7 +81,7 @@ def test_a_sequence_comes_in_with_its_lens_and_the_poses_of_the_camera(tmp_path:
 
 
 def test_a_sequence_becomes_a_recording(tmp_path: Path) -> None:
-    summary = import_drive(EurocReader.open(write_sequence(tmp_path / "MH_01"), ReadOptions()), tmp_path / "tour.rrd")
+    summary = import_drive(EUROC.open(write_sequence(tmp_path / "MH_01"), ReadOptions()), tmp_path / "tour.rrd")
     assert summary.frames == 4
     assert Recording.open(tmp_path / "tour.rrd").poses.odometry[:, 1] == pytest.approx([0.1, 0.3, 0.5, 0.7], abs=1e-6)
 
@@ -136,6 +136,6 @@ def test_images_that_lie_elsewhere_are_left_out(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "set")
     listed = folder / "mav0/cam0/data.csv"
     listed.write_text(f"{listed.read_text(encoding='utf-8')}{BEGIN_NS + 10**9},../../../../x.png\n", encoding="utf-8")
-    reader = EurocReader.open(folder, ReadOptions())
+    reader = EUROC.open(folder, ReadOptions())
     assert len(list(reader.frames())) == 4
     assert reader.dropped == {"damaged or missing image": 1}

@@ -11,7 +11,7 @@ from PIL import Image
 
 from ltvn_core.cameras import encoded_images
 from ltvn_core.data.importing.drive_import import import_drive
-from ltvn_core.data.importing.folder_reader import FolderReader
+from ltvn_core.data.importing.folder_reader import FOLDER
 from ltvn_core.data.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.data.recording.reader import Recording
@@ -27,7 +27,7 @@ def write_pictures(folder: Path, names: list[str]) -> Path:
 
 
 def read(folder: Path, options: ReadOptions | None = None) -> list[RawFrame]:
-    return list(FolderReader.open(folder, options or ReadOptions()).frames())
+    return list(FOLDER.open(folder, options or ReadOptions()).frames())
 
 
 def test_pictures_come_in_natural_order_with_stamps_by_the_rate(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_table_of_odometry_finds_its_pictures(tmp_path: Path, table: str) -> N
 def test_a_picture_that_the_table_does_not_name_is_left_out_with_the_reason(tmp_path: Path) -> None:
     folder = write_pictures(tmp_path / "drive", ["a.jpg", "b.jpg", "c.jpg"])
     (folder / "odometry.csv").write_text("file,x,y,yaw\na.jpg,0,0,0\nc.jpg,1,0,0\n", encoding="utf-8")
-    summary = import_drive(FolderReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+    summary = import_drive(FOLDER.open(folder, ReadOptions()), tmp_path / "tour.rrd")
     assert summary.dropped == {"no odometry at that time": 1}
     assert Recording.open(tmp_path / "tour.rrd").poses.odometry.tolist() == [[0, 0, 0], [1, 0, 0]]
 
@@ -102,7 +102,7 @@ def test_a_row_of_odometry_without_a_finite_pose_is_named_and_costs_only_its_pic
     (folder / "odometry.csv").write_text(
         f"stamp,x,y,yaw\n0,0,0,0\n0.1,1,0,0\n0.2,{pose}\n0.3,3,0,0\n", encoding="utf-8"
     )
-    reader = FolderReader.open(folder, ReadOptions())
+    reader = FOLDER.open(folder, ReadOptions())
     assert [frame.odometry is None for frame in reader.frames()] == [False, False, True, False]
     assert any("row 3" in doubt and "odometry.csv" in doubt for doubt in reader.doubts)
 
@@ -113,7 +113,7 @@ def test_a_table_of_odometry_in_reverse_order_gives_the_same_poses_with_a_doubt(
     found = []
     for order in (rows, rows[::-1]):
         (folder / "odometry.csv").write_text("stamp,x,y,yaw\n" + "".join(order), encoding="utf-8")
-        reader = FolderReader.open(folder, ReadOptions())
+        reader = FOLDER.open(folder, ReadOptions())
         found.append(([None if f.odometry is None else f.odometry.tolist() for f in reader.frames()], reader.doubts))
     assert found[0][0] == found[1][0]
     assert any("do not increase" in doubt for doubt in found[1][1])
@@ -152,7 +152,7 @@ def test_a_table_or_camera_that_cannot_be_right_is_refused_in_one_line(
 @pytest.mark.parametrize("blob", [b"", b"\xff\xd8\xff\xe0" + b"\0" * 50, b"GIF89a" + b"\0" * 50, b"not a picture"])
 def test_a_cut_or_foreign_picture_is_left_out_and_counted(tmp_path: Path, blob: bytes) -> None:
     (write_pictures(tmp_path, ["1.jpg", "2.jpg", "3.jpg"]) / "2.jpg").write_bytes(blob)
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert [frame.name for frame in reader.frames()] == ["1.jpg", "3.jpg"]
     assert reader.dropped == {"damaged or missing image": 1}
     assert "2.jpg" in reader.doubts[0]
@@ -164,7 +164,7 @@ def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path:
     os.mkfifo(tmp_path / "2.jpg")
     (tmp_path / "3.jpg").symlink_to(tmp_path / "3.jpg")
     os.mkfifo(tmp_path / "odometry.csv")
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert [frame.name for frame in reader.frames()] == ["1.jpg", "4.jpg"]
     assert reader.dropped == {"damaged or missing image": 2}
     assert "2.jpg is a pipe or a device" in reader.doubts[0]
@@ -175,7 +175,7 @@ def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path:
 def test_a_table_that_would_never_end_is_refused(tmp_path: Path, table: str) -> None:
     os.mkfifo(write_pictures(tmp_path, ["1.jpg", "2.jpg"]) / "pipe.csv")
     with pytest.raises(DriveError, match="is a pipe or a device"):
-        FolderReader.open(tmp_path, ReadOptions(odometry=str(tmp_path / table)))
+        FOLDER.open(tmp_path, ReadOptions(odometry=str(tmp_path / table)))
 
 
 @pytest.mark.parametrize("extension", [".png", ".jpg", ".bmp", ".tiff"])
@@ -187,7 +187,7 @@ def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_de
     middle = len(picture) // 2
     for damaged in (picture[:middle], picture[:-6]):
         (tmp_path / name).write_bytes(damaged)
-        reader = FolderReader.open(tmp_path, ReadOptions())
+        reader = FOLDER.open(tmp_path, ReadOptions())
         assert [frame.name for frame in reader.frames()] == ["1.jpg", "3.jpg"]
         assert len(reader.doubts) == 1
         assert "\n" not in reader.doubts[0]
@@ -198,7 +198,7 @@ def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_de
 def test_pictures_that_are_fully_transparent_are_a_doubt(tmp_path: Path, alpha: int, is_doubted: bool) -> None:
     for name in ("1.png", "2.png"):
         cv2.imwrite(str(tmp_path / name), np.full((48, 64, 4), (90, 80, 70, alpha), np.uint8))
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert len(list(reader.frames())) == 2
     assert any("transparent" in doubt for doubt in reader.doubts) == is_doubted
 
@@ -212,11 +212,11 @@ def test_a_folder_of_one_picture_is_refused_by_the_number_and_not_by_the_format(
 
 
 def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
-    assert not FolderReader.recognises(tmp_path)
+    assert not FOLDER.recognises(tmp_path)
     with pytest.raises(DriveError, match="contains no images"):
-        FolderReader.open(tmp_path, ReadOptions())
+        FOLDER.open(tmp_path, ReadOptions())
     with pytest.raises(DriveError, match="holds no depth images"):
-        FolderReader.open(write_pictures(tmp_path, ["1.jpg", "2.jpg"]), ReadOptions(depth="deep"))
+        FOLDER.open(write_pictures(tmp_path, ["1.jpg", "2.jpg"]), ReadOptions(depth="deep"))
 
 
 def write_depth(path: Path, millimetres: int) -> None:
@@ -255,10 +255,10 @@ def test_deep_pictures_without_a_colour_image_are_named_unless_a_person_wants_no
     write_pictures(tmp_path, ["1.png", "3.png"])
     for name in ("2.png", "4.png"):
         write_depth(tmp_path / name, 1000)
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert [frame.name for frame in reader.frames()] == ["1.png", "3.png"]
     assert "2 images such as 2.png" in reader.doubts[0]
-    assert not FolderReader.open(tmp_path, ReadOptions(depth="none")).doubts
+    assert not FOLDER.open(tmp_path, ReadOptions(depth="none")).doubts
 
 
 def test_a_folder_of_depth_alone_asks_for_the_colours(tmp_path: Path) -> None:
@@ -270,7 +270,7 @@ def test_a_folder_of_depth_alone_asks_for_the_colours(tmp_path: Path) -> None:
 
 def test_pictures_of_depth_for_the_eye_are_neither_colours_nor_depth(tmp_path: Path) -> None:
     write_pictures(tmp_path, ["color_0.png", "color_1.png", "depth_0.png", "depth_1.png"])
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     frames = list(reader.frames())
     assert [frame.name for frame in frames] == ["color_0.png", "color_1.png"]
     assert [frame.depth_m for frame in frames] == [None, None]
@@ -281,7 +281,7 @@ def test_pictures_of_a_kind_that_is_not_read_are_counted_and_named(tmp_path: Pat
     write_pictures(tmp_path, ["1.jpg", "2.jpg"])
     for name in ("3.DNG", "4.dng"):
         (tmp_path / name).write_bytes(b"raw")
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert len(list(reader.frames())) == 2
     assert sum(reader.dropped.values()) == 2
     assert "2 .dng" in reader.doubts[0]
@@ -309,7 +309,7 @@ def test_heic_pictures_of_a_phone_are_read_with_their_lens(tmp_path: Path, monke
     assert [frame.name for frame in read(tmp_path)] == ["1.jpg", "2.HEIC"]
 
     monkeypatch.setattr(encoded_images, "is_installed", lambda _: False)
-    reader = FolderReader.open(tmp_path, ReadOptions())
+    reader = FOLDER.open(tmp_path, ReadOptions())
     assert [frame.name for frame in reader.frames()] == ["1.jpg"]
     assert reader.dropped == {"damaged or missing image": 2}
     assert "pip install 'ltvn[import]'" in reader.doubts[0]
@@ -386,7 +386,7 @@ def test_rows_of_poses_for_other_pictures_are_refused(tmp_path: Path) -> None:
     write_pictures(tmp_path / "results", [f"frame{k:06d}.jpg" for k in range(3)])
     (tmp_path / "traj.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n", encoding="utf-8")
     with pytest.raises(DriveError, match="16 for each of the 3"):
-        FolderReader.open(tmp_path, ReadOptions())
+        FOLDER.open(tmp_path, ReadOptions())
 
 
 def test_a_folder_of_videos_is_refused_with_the_path_to_import(tmp_path: Path) -> None:

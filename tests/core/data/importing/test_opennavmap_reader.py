@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ltvn_core.data.importing.opennavmap_reader import OpenNavMapReader
+from ltvn_core.data.importing.opennavmap_reader import OPENNAVMAP
 from ltvn_core.data.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.data.importing.spatial_pose import BODY_FROM_OPTICAL
 from ltvn_core.errors import DriveError
@@ -34,12 +34,12 @@ def write_map(folder: Path) -> Path:
 
 
 def read(folder: Path, options: ReadOptions | None = None) -> list[RawFrame]:
-    return list(OpenNavMapReader.open(folder, options or ReadOptions()).frames())
+    return list(OPENNAVMAP.open(folder, options or ReadOptions()).frames())
 
 
 def test_images_come_with_depth_lens_time_and_pose(tmp_path: Path) -> None:
     frames = read(write_map(tmp_path / "map"))
-    assert OpenNavMapReader.recognises(tmp_path / "map")
+    assert OPENNAVMAP.recognises(tmp_path / "map")
     assert [frame.stamp for frame in frames] == [0, 2, 4, 6]
     assert np.allclose([frame.truth for frame in frames if frame.truth is not None], POSES)
     assert [frame.depth_m.max() for frame in frames if frame.depth_m is not None] == pytest.approx([1, 2, 3, 4])
@@ -49,7 +49,7 @@ def test_images_come_with_depth_lens_time_and_pose(tmp_path: Path) -> None:
 
 def test_a_missing_image_is_left_out_and_counted(tmp_path: Path) -> None:
     (write_map(tmp_path / "map") / "seq/000001.color.jpg").unlink()
-    reader = OpenNavMapReader.open(tmp_path / "map", ReadOptions())
+    reader = OPENNAVMAP.open(tmp_path / "map", ReadOptions())
     assert len(list(reader.frames())) == 3
     assert sum(reader.dropped.values()) == 1
 

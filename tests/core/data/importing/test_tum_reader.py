@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.data.importing.source_camera import parse_camera
-from ltvn_core.data.importing.tum_reader import BENCHMARK_CAMERAS, TumReader
+from ltvn_core.data.importing.tum_reader import BENCHMARK_CAMERAS, TUM
 from ltvn_core.errors import DriveError
 from tests.core.data.importing.drives import EXCERPT, FORWARD, write_tum_folder
 
 
 def read(folder: Path, options: ReadOptions | None = None) -> list[RawFrame]:
-    return list(TumReader.open(folder, options or ReadOptions()).frames())
+    return list(TUM.open(folder, options or ReadOptions()).frames())
 
 
 def test_a_real_drive_comes_in_with_depth_poses_tilt_and_lens() -> None:
@@ -76,16 +76,14 @@ def test_a_camera_that_a_person_gives_wins_and_is_scaled_to_the_images(tmp_path:
 
 
 def test_a_camera_of_another_aspect_is_not_taken_for_that_of_the_images(tmp_path: Path) -> None:
-    reader = TumReader.open(
-        write_tum_folder(tmp_path), ReadOptions(camera=parse_camera("600,600,639.5,359.5,1280,720"))
-    )
+    reader = TUM.open(write_tum_folder(tmp_path), ReadOptions(camera=parse_camera("600,600,639.5,359.5,1280,720")))
     assert list(reader.frames()) == []
     assert "64 x 48" in reader.doubts[0]
 
 
 def test_a_world_whose_z_is_not_up_is_turned_and_that_is_said(tmp_path: Path) -> None:
     lines = [f"{100 + k / 10} 0 0 {k} 0 0 0 1" for k in range(4)]  # As SLAM programs write: z is the first view.
-    reader = TumReader.open(write_tum_folder(tmp_path, pose_lines=lines), ReadOptions())
+    reader = TUM.open(write_tum_folder(tmp_path, pose_lines=lines), ReadOptions())
     frame = list(reader.frames())[2]
     assert frame.truth is not None
     assert np.hypot(*frame.truth[:2]) == pytest.approx(2)
@@ -119,7 +117,7 @@ def test_a_file_that_is_missing_or_outside_or_no_image_is_left_out_and_counted(t
     (tmp_path / "secret.png").write_bytes((folder / "rgb/100.00.png").read_bytes())
     with (folder / "rgb.txt").open("a", encoding="utf-8") as file:
         file.write(f"100.9 {listed}\n")
-    reader = TumReader.open(folder, ReadOptions())
+    reader = TUM.open(folder, ReadOptions())
     assert len(list(reader.frames())) == 4
     assert reader.dropped == {"damaged or missing image": 1}
     assert listed in reader.doubts[0]
@@ -136,7 +134,7 @@ def test_a_cut_image_is_left_out_and_a_picture_that_unpacks_to_gigabytes_is_neve
     header = b"IHDR" + struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)
     bomb = whole[:8] + struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header)) + whole[33:]
     (folder / "rgb/100.10.png").write_bytes(bomb)
-    reader = TumReader.open(folder, ReadOptions())
+    reader = TUM.open(folder, ReadOptions())
     assert len(list(reader.frames())) == 2
     assert reader.dropped == {"damaged or missing image": 2}
 
@@ -150,7 +148,7 @@ def test_an_image_whose_depth_cannot_be_read_comes_without_depth_and_that_is_sai
     deep.unlink()
     if damage is not None:
         deep.write_bytes(damage)
-    reader = TumReader.open(folder, ReadOptions())
+    reader = TUM.open(folder, ReadOptions())
     assert [frame.depth_m is None for frame in reader.frames()] == [False, True, False, False]
     assert not reader.dropped
     assert any("100.10.png" in doubt and "1 depth" in doubt for doubt in reader.doubts)
@@ -162,7 +160,7 @@ def test_a_list_of_images_that_are_all_elsewhere_names_one_of_them(tmp_path: Pat
     listed = folder / "rgb.txt"
     listed.write_text(listed.read_text(encoding="utf-8").replace(".png", ".jpg"), encoding="utf-8")
     with pytest.raises(DriveError, match=r"rgb/100\.00\.jpg cannot be read"):
-        import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "drive.rrd")
+        import_drive(TUM.open(folder, ReadOptions()), tmp_path / "drive.rrd")
 
 
 def test_a_calibration_as_eth3d_writes_it_names_the_lens(tmp_path: Path) -> None:
@@ -200,7 +198,7 @@ def test_stamps_in_parts_of_a_second_are_read_so_and_that_is_said(tmp_path: Path
     folder = write_tum_folder(tmp_path, depth_delay_s=None, pose_lines=poses)
     lines = [f"{begin * unit + k * unit // 10} rgb/{100 + k / 10:.2f}.png" for k in range(4)]
     (folder / "rgb.txt").write_text("\n".join(lines), encoding="utf-8")
-    reader = TumReader.open(folder, ReadOptions())
+    reader = TUM.open(folder, ReadOptions())
     frames = list(reader.frames())
     assert [frame.stamp - begin for frame in frames] == pytest.approx([0, 0.1, 0.2, 0.3], abs=1e-5)
     assert all(frame.truth is not None for frame in frames)
@@ -210,7 +208,7 @@ def test_stamps_in_parts_of_a_second_are_read_so_and_that_is_said(tmp_path: Path
 def test_lists_of_different_clocks_are_named_with_both_ranges(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path, pose_lines=[f"{k / 10} 0 1 0.5 {FORWARD}" for k in range(4)])
     with pytest.raises(DriveError, match=r"100\.000 to 100\.300 s.*0\.000 to 0\.300 s"):
-        import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+        import_drive(TUM.open(folder, ReadOptions()), tmp_path / "tour.rrd")
 
 
 def test_quaternions_with_w_first_are_a_doubt(tmp_path: Path) -> None:
@@ -221,7 +219,7 @@ def test_quaternions_with_w_first_are_a_doubt(tmp_path: Path) -> None:
         x, y, z, w = (Rotation.from_euler("z", 30 * k, degrees=True) * upright).as_quat()
         lines.append(f"{100 + k / 10:.4f} {0.2 * k} 1 0.5 {w} {x} {y} {z}")
     (folder / "groundtruth.txt").write_text("\n".join(lines), encoding="utf-8")
-    summary = import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+    summary = import_drive(TUM.open(folder, ReadOptions()), tmp_path / "tour.rrd")
     assert any("w first" in doubt for doubt in summary.doubts)
 
 
@@ -237,9 +235,9 @@ def test_the_unit_of_depth_that_a_person_says_wins(tmp_path: Path) -> None:
 def test_odometry_of_another_format_is_left_out_unless_a_person_names_it(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path)
     (folder / "odometry.txt").write_text("100.0 1 2 3\n", encoding="utf-8")
-    reader = TumReader.open(folder, ReadOptions())
+    reader = TUM.open(folder, ReadOptions())
     assert all(frame.odometry is None and frame.truth is not None for frame in reader.frames())
     assert "odometry.txt" in reader.doubts[0]
     for name in ("odometry.txt", "missing.txt"):
         with pytest.raises(DriveError, match=name):
-            TumReader.open(folder, ReadOptions(odometry=name))
+            TUM.open(folder, ReadOptions(odometry=name))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.data.importing.raw_frame import ReadOptions
-from ltvn_core.data.importing.vint_reader import VintReader
+from ltvn_core.data.importing.vint_reader import VINT
 from ltvn_core.errors import DriveError
 from tests.platforms import needs_posix
 
@@ -33,10 +33,10 @@ def write_folder(folder: Path, content: Any = None, images: int = 4) -> Path:
 
 
 def test_a_trajectory_becomes_frames_with_odometry(tmp_path: Path) -> None:
-    reader = VintReader.open(write_folder(tmp_path / "hall"), ReadOptions(rate_hz=5.0))
+    reader = VINT.open(write_folder(tmp_path / "hall"), ReadOptions(rate_hz=5.0))
     frames = list(reader.frames())
 
-    assert VintReader.recognises(tmp_path / "hall")
+    assert VINT.recognises(tmp_path / "hall")
     assert [frame.stamp for frame in frames] == pytest.approx([0.0, 0.2, 0.4, 0.6])
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
     assert all(frame.depth_m is None for frame in frames)
@@ -54,7 +54,7 @@ def test_pickles_of_all_kinds_are_read(tmp_path: Path, protocol: int, dtype: str
     }
     folder = write_folder(tmp_path / "hall", pickle.dumps(content, protocol))
 
-    frames = list(VintReader.open(folder, ReadOptions()).frames())
+    frames = list(VINT.open(folder, ReadOptions()).frames())
 
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES, atol=1e-6)
 
@@ -62,7 +62,7 @@ def test_pickles_of_all_kinds_are_read(tmp_path: Path, protocol: int, dtype: str
 def test_poses_may_be_plain_lists(tmp_path: Path) -> None:
     content = {"position": [list(row) for row in POSES[:, :2]], "yaw": POSES[:, 2].tolist()}
 
-    frames = list(VintReader.open(write_folder(tmp_path / "hall", content), ReadOptions()).frames())
+    frames = list(VINT.open(write_folder(tmp_path / "hall", content), ReadOptions()).frames())
 
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
 
@@ -86,7 +86,7 @@ def objects(rows: list[Any], shape: tuple[int, ...]) -> np.ndarray:
 def test_arrays_of_objects_that_hold_numbers_are_read(tmp_path: Path, position: Any, yaw: Any) -> None:
     folder = write_folder(tmp_path / "hall", {"position": position, "yaw": yaw})
 
-    frames = list(VintReader.open(folder, ReadOptions()).frames())
+    frames = list(VINT.open(folder, ReadOptions()).frames())
 
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
 
@@ -94,7 +94,7 @@ def test_arrays_of_objects_that_hold_numbers_are_read(tmp_path: Path, position: 
 def test_pickles_that_older_numpy_wrote_are_read(tmp_path: Path) -> None:
     older = pickle.dumps({"position": POSES[:, :2], "yaw": POSES[:, 2]}, 2).replace(b"numpy._core.", b"numpy.core.")
 
-    assert len(list(VintReader.open(write_folder(tmp_path / "hall", older), ReadOptions()).frames())) == 4
+    assert len(list(VINT.open(write_folder(tmp_path / "hall", older), ReadOptions()).frames())) == 4
 
 
 class RunsCode:
@@ -109,7 +109,7 @@ def test_a_pickle_that_runs_code_is_refused_and_nothing_runs(tmp_path: Path) -> 
     content = {"position": POSES[:, :2], "yaw": RunsCode(tmp_path / "harm")}
 
     with pytest.raises(DriveError, match=r"wants to call posix\.mkdir"):
-        VintReader.open(write_folder(tmp_path / "hall", content), ReadOptions())
+        VINT.open(write_folder(tmp_path / "hall", content), ReadOptions())
     assert not (tmp_path / "harm").exists()
 
 
@@ -146,7 +146,7 @@ LYING_LENGTH = b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc."
 )
 def test_what_is_no_trajectory_ends_in_one_line(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(DriveError) as caught:
-        VintReader.open(write_folder(tmp_path / "hall", content), ReadOptions())
+        VINT.open(write_folder(tmp_path / "hall", content), ReadOptions())
     assert "\n" not in str(caught.value)
 
 
@@ -157,12 +157,12 @@ def test_damaged_images_are_left_out_and_images_without_a_pose_have_no_odometry(
     (tmp_path / "secret.jpg").write_bytes((folder / "0.jpg").read_bytes())
     (folder / "2.jpg").unlink()
     (folder / "2.jpg").symlink_to(tmp_path / "secret.jpg")
-    reader = VintReader.open(folder, ReadOptions())
+    reader = VINT.open(folder, ReadOptions())
 
     frames = list(reader.frames())
 
     assert [frame.name for frame in frames] == ["0.jpg", "3.jpg", "4.jpg"]
-    assert reader.dropped == {"damaged image": 2}
+    assert reader.dropped == {"damaged or missing image": 2}
     assert frames[-1].odometry is None
 
 
@@ -170,6 +170,6 @@ def test_a_whole_data_set_lists_its_trajectories(tmp_path: Path) -> None:
     for name in ("hall", "lab"):
         write_folder(tmp_path / "set" / name)
 
-    assert VintReader.recognises(tmp_path / "set")
+    assert VINT.recognises(tmp_path / "set")
     with pytest.raises(DriveError, match="2 trajectories; name one of them: hall, lab"):
-        VintReader.open(tmp_path / "set", ReadOptions())
+        VINT.open(tmp_path / "set", ReadOptions())

@@ -23,8 +23,7 @@ from ltvn_core.data.importing.drive_statistics import (
     NO_TRUTH,
     STAMP_NOT_AFTER,
     TOO_LITTLE_MOTION,
-    KeptFrame,
-    drive_statistics,
+    DriveStatistics,
 )
 from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import (
@@ -45,7 +44,7 @@ from ltvn_core.findings import Finding, findings_of
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.robots.robot_check import ObservationCheck
-from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
+from ltvn_core.types import Observation, Pose, Rgb, Tilt
 
 MOVED_SHARE = 0.04
 """Median shift of the tracked points above which an image is kept, as a share of the image's width."""
@@ -61,8 +60,6 @@ _NOISE = 2.0
 """Mean difference of two images, in grey levels of 255, below which they count as equal."""
 _DECIDING_FRAMES = 100
 """Number of kept images from whose median the camera's usual tilt is computed; they are written only after that."""
-_EVERY_PIXEL = 4
-"""Step in pixels between the samples for the median of depth."""
 Progress = Callable[[int, int | None], None]
 """Callback with the number of images processed, and the number of all images if it is known."""
 
@@ -170,22 +167,22 @@ class _DriveImport:
         self._progress = progress
         self._choose(OdometrySource.AUTO)  # Until the first frames are seen.
         self._preparation: FramePreparation | None = None
+        self._statistics: DriveStatistics | None = None
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
         self._check = ObservationCheck()
         self._comparison = OdometryComparison()
         self._sequence_findings: list[Finding] = []
         self._stamps: list[float] = []
-        self._kept: list[KeptFrame] = []
         self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
 
     def write(self, path: Path, name: Path) -> ImportSummary:
         """Write the whole drive to `path`, and return the summary, in which the file has the name `name`."""
         observations = self._observations()
         first = list(islice(observations, _DECIDING_FRAMES))
-        if not first or self._preparation is None:
+        if not first or self._preparation is None or self._statistics is None:
             raise DriveError(self._nothing_left())
-        camera = self._mounted_camera(self._preparation.camera)
+        camera = self._mounted_camera(self._preparation.camera, self._statistics.usual_pitch_rad)
         last_step = 0
         last_stamp = 0.0
         with RecordingWriter(
@@ -196,7 +193,7 @@ class _DriveImport:
                 self._sequence_findings += self._check.findings(seen)
                 last_step = seen.step
                 last_stamp = seen.stamp
-            summary = self._summary(name, self._preparation, camera)
+            summary = self._summary(name, self._statistics, camera)
             for finding in summary.findings:
                 writer.write_event(StampedEvent(last_step, last_stamp, Note(str(finding), finding.severity)))
         return summary
@@ -249,26 +246,25 @@ class _DriveImport:
         if not is_kept and not is_compared:
             self._dropped[TOO_LITTLE_MOTION] += 1
             return None
-        if self._preparation is None:
+        if self._preparation is None or self._statistics is None:
             unread, _ = unread_text(self._reader.facts, "camera_info", "")
             self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg, unread=unread)
-        observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
+            self._statistics = DriveStatistics(
+                facts=self._reader.facts,
+                odometry=self._odometry,
+                is_lens_known=self._preparation.is_lens_known,
+                is_depth_registered=self._preparation.is_depth_registered,
+                stamps=self._stamps,
+                width_px=self._preparation.camera.width,
+                field_of_view_rad=self._preparation.camera.horizontal_fov_rad,
+            )
+        observation = self._preparation.observation(raw, step=self._statistics.frames, odometry=pose)
         if is_compared:
             self._comparison.add(observation, self._preparation.camera)
         if not is_kept:  # The image was needed for the comparison alone.
             self._dropped[TOO_LITTLE_MOTION] += 1
             return None
-        self._kept.append(
-            KeptFrame(
-                stamp=observation.stamp,
-                pose=observation.odometry,
-                odometry=raw.odometry,
-                truth=raw.truth,
-                tilt=raw.tilt,
-                depth_median_m=_median_m(observation.depth),
-                depth_range_m=_range_m(raw.depth_m),
-            )
-        )
+        self._statistics.observe(observation, raw)
         return observation
 
     def _reason_to_drop(self, moment: FrameMoment) -> str | None:
@@ -283,13 +279,12 @@ class _DriveImport:
         is_needed = self._comparison.needs(moment.stamp, pose) or self._selection.may_keep(pose, moment.tilt)
         return None if is_needed else TOO_LITTLE_MOTION
 
-    def _mounted_camera(self, camera: CameraModel) -> CameraModel:
+    def _mounted_camera(self, camera: CameraModel, usual_pitch_rad: float | None) -> CameraModel:
         """Return the camera with its mounting: height and pitch from the user's options, else the median pitch of the
         images."""
         height_m = self._options.height_m
         pitch_deg = self._options.pitch_deg
-        tilts = [frame.tilt.pitch_rad for frame in self._kept if frame.tilt is not None]
-        usual = float(np.median(tilts)) if tilts else camera.pitch_rad
+        usual = camera.pitch_rad if usual_pitch_rad is None else usual_pitch_rad
         return replace(
             camera,
             height_m=camera.height_m if height_m is None else height_m,
@@ -306,32 +301,18 @@ class _DriveImport:
     def _all_dropped(self) -> dict[str, int]:
         return dict(Counter(self._reader.dropped) + self._dropped)
 
-    def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
-        dropped = self._all_dropped()
-        statistics = drive_statistics(
-            self._kept,
-            self._stamps,
-            dropped,
-            facts=self._reader.facts,
-            odometry=self._odometry,
-            is_spacing_ignored=isinstance(self._selection, PictureSelection) and self._options.has_own_spacing,
-            preparation=preparation,
-            camera=camera,
-        )
+    def _summary(self, name: Path, found: DriveStatistics, camera: CameraModel) -> ImportSummary:
+        found.dropped = self._all_dropped()
+        found.is_spacing_ignored = isinstance(self._selection, PictureSelection) and self._options.has_own_spacing
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
-        if self._odometry is OdometrySource.NONE is not self._options.odometry and any(
-            frame.odometry is not None for frame in self._kept
-        ):
+        if self._odometry is OdometrySource.NONE is not self._options.odometry and found.has_odometry:
             faults.append("Odometry was not used, because the first images have none; cut the drive where it begins.")
         told = findings_of([*self._reader.doubts, *self._outages.sentences(), *faults])
         return import_summary(
-            statistics,
+            found,
             recording=name,
-            facts=self._reader.facts,
             scene=self._scene,
-            dropped=dropped,
             camera=camera,
-            seconds=self._stamps[-1] - self._stamps[0],
             told=(*told, *self._sequence_findings, *self._comparison.findings()),
         )
 
@@ -342,22 +323,6 @@ class _DriveImport:
             return f"The drive holds no images at all; what was found: {streams}."
         faults = "".join(f" {fault}" for fault in [*self._faults[:1], *self._reader.doubts])
         return f"None of the images can be used ({reasons}).{faults} What was found: {streams}."
-
-
-def _median_m(depth: Depth | None) -> float | None:
-    """Return the median over the pixels with depth; None without a depth image, NaN if the image has no depth."""
-    if depth is None:
-        return None
-    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-    return float(np.median(sparse[sparse > 0])) if (sparse > 0).any() else float("nan")
-
-
-def _range_m(depth: Depth | None) -> tuple[float, float] | None:
-    """Return the smallest and largest number of a depth image; numbers that are not finite count as 0."""
-    if depth is None:
-        return None
-    sparse = np.nan_to_num(depth[::_EVERY_PIXEL, ::_EVERY_PIXEL], nan=0.0, posinf=0.0, neginf=0.0)
-    return float(sparse.min()), float(sparse.max())
 
 
 def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:

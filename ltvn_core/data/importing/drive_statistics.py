@@ -1,28 +1,26 @@
-"""Statistics of a drive after reading: frames, poses, tilts, gaps, and the expected map.
+"""Statistics of a drive while it is read: frames, poses, tilts, gaps, revisited places, and the expected map.
 
 Owns the arithmetic on poses and stamps. `import_summary` decides which numbers are doubtful.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import ROBUST
-from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import OdometrySource
-from ltvn_core.data.importing.raw_frame import DriveFacts
-from ltvn_core.data.importing.revisits import near_pairs, revisits
+from ltvn_core.data.importing.raw_frame import DriveFacts, RawFrame
 from ltvn_core.data.importing.stamped_lists import period_s
-from ltvn_core.geometry import distance, relative, rigid_fit
+from ltvn_core.geometry import distance, relative, rigid_fit, wrap_angle
 from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
-from ltvn_core.types import Pose, Tilt
+from ltvn_core.types import Observation, Pose, Tilt
 
 GAP_PERIODS = 5.0
 GAP_S = 1.0
@@ -32,6 +30,17 @@ TOO_LITTLE_MOTION = "too little motion"
 STAMP_NOT_AFTER = "stamp not after the one before"
 NO_ODOMETRY = "no odometry at that time"
 NO_TRUTH = "no true pose at that time"
+NEAR_M = 0.6
+NEAR_RAD = math.radians(20)
+"""Largest distance in metres, and largest difference of heading, of images that can be compared; edges join such
+images."""
+_REVISIT_PATH_M = 3.0
+_REVISIT_S = 10.0
+"""Distance in metres, or time in seconds while turning on the spot, after which a place counts as revisited."""
+MOST_NAMES = 10
+"""Largest number of streams that a message names."""
+_EVERY_PIXEL = 4
+"""Step in pixels between the samples for the median of depth."""
 _MEASURED = ("rgb", "depth", "odometry", "truth")
 
 
@@ -70,118 +79,124 @@ class Coverage:
     """Share of the images at a place where the drive had been before."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class KeptFrame:
-    """A frame of the recording, without its images."""
-
-    stamp: float
-    pose: Pose
-    """Recorded odometry, (3,)."""
-    odometry: Pose | None
-    """Odometry of the source, (3,); None if it has none."""
-    truth: Pose | None
-    """True pose, (3,); None if it is unknown."""
-    tilt: Tilt | None
-    depth_median_m: float | None
-    """Median over the pixels with depth, in metres; None without a depth image, NaN if the image has no depth."""
-    depth_range_m: tuple[float, float] | None = None
-    """Smallest and largest number of the source's depth image, in metres; the smallest is 0 if a pixel has no depth."""
-
-    @property
-    def has_depth(self) -> bool:
-        """Whether the frame has a depth image."""
-        return self.depth_median_m is not None
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class DriveStatistics:
-    """Statistics of a drive after reading."""
+    """What was found in a drive and left out; grows with each frame of the recording."""
 
-    frames: int
-    dropped_as_wrong: Mapping[str, int]
-    """Images that were left out for another reason than too little motion, by reason."""
-    thinned: int
-    """Images that were left out for too little motion."""
-    is_spacing_ignored: bool
-    """Whether the user gave a spacing of images although the drive has no odometry to measure it."""
-    with_depth: int
-    depth_median_m: float | None
-    """Median depth of the drive, in metres; None if no image has depth."""
-    depth_range_m: tuple[float, float] | None
-    """Smallest and largest number of all depth images, as in `KeptFrame`."""
-    used_streams: Sequence[str]
-    """Names of the image and pose streams in use, each with its role."""
     facts: DriveFacts
+    odometry: OdometrySource
+    """Source of the recorded odometry."""
     is_lens_known: bool
     is_depth_registered: bool
-    odometry: OdometrySource
-    poses: Pose
-    """Poses (N, 3) by the recorded odometry."""
-    width_px: int
+    stamps: Sequence[float]
+    """Stamps of all images in order, also of those that were left out."""
+    is_spacing_ignored: bool = False
+    """Whether the user gave a spacing of images although the drive has no odometry to measure it."""
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    """Images that were left out, by reason."""
+    width_px: int = 0
     """Width of the recorded images, in pixels."""
-    field_of_view_rad: float
+    field_of_view_rad: float = 0.0
     """Horizontal field of view, in radians."""
-    tilt: TiltRange | None
-    coverage: Coverage | None
-    """Coverage computed from the poses; None if there are no poses."""
-    drift: Drift | None
-    gaps_s: Sequence[float]
+    _observed: list[tuple[float, Pose]] = field(default_factory=list)
+    _compared: list[tuple[Pose, Pose]] = field(default_factory=list)
+    _tilts: list[Tilt] = field(default_factory=list)
+    _depth_medians_m: list[float] = field(default_factory=list)
+    with_depth: int = 0
+    """Number of images with depth."""
+    has_odometry: bool = False
+    """Whether an image has odometry of the source, used or not."""
+    nearest_m: float = math.inf
+    farthest_m: float = 0.0
+    """Smallest and largest number of the source's depth images, in metres; the smallest is 0 if a pixel has none."""
 
+    def observe(self, seen: Observation, raw: RawFrame) -> None:
+        """Take an image of the recording, and the frame of the source that it was made of."""
+        self._observed.append((seen.stamp, seen.odometry))
+        self.has_odometry |= raw.odometry is not None
+        if raw.odometry is not None and raw.truth is not None:
+            self._compared.append((raw.odometry, raw.truth))
+        if raw.tilt is not None:
+            self._tilts.append(raw.tilt)
+        if seen.depth is not None:
+            self.with_depth += 1
+            sparse = seen.depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+            if (sparse > 0).any():
+                self._depth_medians_m.append(float(np.median(sparse[sparse > 0])))
+        if raw.depth_m is not None:
+            sparse = np.nan_to_num(raw.depth_m[::_EVERY_PIXEL, ::_EVERY_PIXEL], nan=0.0, posinf=0.0, neginf=0.0)
+            self.nearest_m = min(self.nearest_m, float(sparse.min()))
+            self.farthest_m = max(self.farthest_m, float(sparse.max()))
 
-def drive_statistics(
-    frames: Sequence[KeptFrame],
-    stamps: Sequence[float],
-    dropped: Mapping[str, int],
-    *,
-    facts: DriveFacts,
-    odometry: OdometrySource,
-    is_spacing_ignored: bool,
-    preparation: FramePreparation,
-    camera: CameraModel,
-) -> DriveStatistics:
-    """Return the statistics of a drive from its kept frames and the stamps of all its images in order."""
-    poses = np.array([frame.pose for frame in frames])
-    has_poses = odometry is not OdometrySource.NONE
-    return DriveStatistics(
-        frames=len(frames),
-        dropped_as_wrong={reason: count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION},
-        thinned=dropped.get(TOO_LITTLE_MOTION, 0),
-        is_spacing_ignored=is_spacing_ignored,
-        with_depth=sum(frame.has_depth for frame in frames),
-        depth_median_m=_depth_median_m(frames),
-        depth_range_m=_depth_range_m(frames),
-        used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],
-        facts=facts,
-        is_lens_known=preparation.is_lens_known,
-        is_depth_registered=preparation.is_depth_registered,
-        odometry=odometry,
-        poses=poses,
-        width_px=camera.width,
-        field_of_view_rad=camera.horizontal_fov_rad,
-        tilt=tilt_range([frame.tilt for frame in frames if frame.tilt is not None]),
-        coverage=coverage(poses, np.array([frame.stamp for frame in frames])) if has_poses else None,
-        drift=_drift(frames),
-        gaps_s=gaps_s(np.array(stamps)).tolist(),
-    )
+    @property
+    def frames(self) -> int:
+        """Number of images of the recording."""
+        return len(self._observed)
 
+    @property
+    def poses(self) -> Pose:
+        """Poses (N, 3) by the recorded odometry."""
+        return np.array([pose for _, pose in self._observed])
 
-def _depth_median_m(frames: Sequence[KeptFrame]) -> float | None:
-    medians = [each.depth_median_m for each in frames if each.depth_median_m is not None]
-    known = [median for median in medians if not math.isnan(median)]
-    return float(np.median(known)) if known else None
+    @property
+    def usual_pitch_rad(self) -> float | None:
+        """Median pitch of the camera in radians; None without any tilt."""
+        return float(np.median([tilt.pitch_rad for tilt in self._tilts])) if self._tilts else None
 
+    @property
+    def dropped_as_wrong(self) -> Mapping[str, int]:
+        """Images that were left out for another reason than too little motion, by reason."""
+        return {reason: count for reason, count in self.dropped.items() if reason != TOO_LITTLE_MOTION}
 
-def _depth_range_m(frames: Sequence[KeptFrame]) -> tuple[float, float] | None:
-    ranges = [frame.depth_range_m for frame in frames if frame.depth_range_m is not None]
-    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+    @property
+    def thinned(self) -> int:
+        """Images that were left out for too little motion."""
+        return self.dropped.get(TOO_LITTLE_MOTION, 0)
 
+    @property
+    def depth_median_m(self) -> float | None:
+        """Median depth of the drive, in metres; None if no image has depth."""
+        return float(np.median(self._depth_medians_m)) if self._depth_medians_m else None
 
-def _drift(frames: Sequence[KeptFrame]) -> Drift | None:
-    both = [(each.odometry, each.truth) for each in frames if each.odometry is not None and each.truth is not None]
-    if len(both) < 2:
-        return None
-    odometry, truth = (np.array(poses) for poses in zip(*both, strict=True))
-    return drift(odometry, truth)
+    @property
+    def used_streams(self) -> str:
+        """Names of the image and pose streams in use, each with its role."""
+        found = [f"{stream.role} {stream.name}" for stream in self.facts.streams if stream.role in _MEASURED]
+        return ", ".join(found[:MOST_NAMES]) or "images alone"
+
+    @property
+    def gaps_s(self) -> Sequence[float]:
+        """Lengths in seconds of the unusually long pauses between images."""
+        pauses = np.diff(self.stamps)
+        return pauses[pauses > max(GAP_S, GAP_PERIODS * (period_s(self.stamps) or 0.0))].tolist()
+
+    @property
+    def tilt(self) -> TiltRange | None:
+        """Range of the camera's tilt; None without any tilt."""
+        if not self._tilts:
+            return None
+        pitch, roll = np.degrees(np.array(self._tilts)).T
+        return TiltRange(
+            pitch_median_deg=float(np.median(pitch)),
+            pitch_lowest_deg=float(pitch.min()),
+            pitch_highest_deg=float(pitch.max()),
+            roll_largest_deg=float(np.percentile(np.abs(roll), 95)),
+        )
+
+    @property
+    def drift(self) -> Drift | None:
+        """Deviation of odometry from the true poses; None without both, or if the drive is too short."""
+        if len(self._compared) < 2:
+            return None
+        odometry, truth = (np.array(poses) for poses in zip(*self._compared, strict=True))
+        return drift(odometry, truth)
+
+    @property
+    def coverage(self) -> Coverage | None:
+        """Coverage computed from the poses; None if there are no poses."""
+        if self.odometry is OdometrySource.NONE:
+            return None
+        return coverage(self.poses, np.array([stamp for stamp, _ in self._observed]))
 
 
 def path_m(poses: Pose) -> float:
@@ -232,20 +247,28 @@ def drift(odometry: Pose, truth: Pose) -> Drift | None:
     )
 
 
-def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:
-    """Return the range of the camera's tilt; None without any tilt."""
-    if not tilts:
-        return None
-    pitch, roll = np.degrees(np.array(tilts)).T
-    return TiltRange(
-        pitch_median_deg=float(np.median(pitch)),
-        pitch_lowest_deg=float(pitch.min()),
-        pitch_highest_deg=float(pitch.max()),
-        roll_largest_deg=float(np.percentile(np.abs(roll), 95)),
-    )
+def near_pairs(poses: Pose) -> NDArray[np.intp]:
+    """Return the rows (K, 2) of poses (N, 3) that are near each other."""
+    # Headings lie on a circle on which the chord of NEAR_RAD is as long as NEAR_M.
+    radius = NEAR_M / (2 * math.sin(NEAR_RAD / 2))
+    points = np.column_stack([poses[:, :2], radius * np.cos(poses[:, 2]), radius * np.sin(poses[:, 2])])
+    pairs = KDTree(points).query_pairs(NEAR_M * math.sqrt(2), output_type="ndarray")
+    apart = poses[pairs[:, 1]] - poses[pairs[:, 0]]
+    near = (np.hypot(apart[:, 0], apart[:, 1]) < NEAR_M) & (np.abs(wrap_angle(apart[:, 2])) < NEAR_RAD)
+    return pairs[near]
 
 
-def gaps_s(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lengths in seconds of the unusually long pauses between N images in order."""
-    pauses = np.diff(stamps)
-    return pauses[pauses > max(GAP_S, GAP_PERIODS * (period_s(stamps) or 0.0))]
+def revisits(pairs: NDArray[np.intp], poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the near pairs (K, 2) whose images lie on two passes of one place, the earlier row first.
+
+    Args:
+        pairs: Rows, as `near_pairs` returns them.
+        poses: (N, 3), by odometry.
+        stamps: (N,), seconds.
+    """
+    steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.zeros(0)
+    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    first = pairs.min(axis=1)
+    last = pairs.max(axis=1)
+    again = (way_m[last] - way_m[first] >= _REVISIT_PATH_M) | (stamps[last] - stamps[first] >= _REVISIT_S)
+    return np.column_stack([first, last])[again]

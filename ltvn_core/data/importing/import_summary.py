@@ -4,7 +4,7 @@ Owns the limits above which something is doubtful, the likely cause, and the adv
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,8 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.drive_statistics import (
+    MOST_NAMES,
+    NEAR_M,
     NO_ODOMETRY,
     NO_TRUTH,
     STAMP_NOT_AFTER,
@@ -23,7 +25,6 @@ from ltvn_core.data.importing.drive_statistics import (
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import NO_DEPTH, NO_POSE, NOT_LATER, DriveFacts
-from ltvn_core.data.importing.revisits import NEAR_M
 from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.geometry import wrap_angle
@@ -42,7 +43,6 @@ Z_BUFFER_ABOVE = 0.9
 MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
-_MOST_NAMES = 10
 _KEEP_ALL = "--every-m 0 --every-deg 0 keeps every image."
 _APART_SHARE = 0.1
 _DROPPED_SHARE = 0.1
@@ -139,49 +139,37 @@ class ImportSummary(WithDoubts):
 
 
 def import_summary(
-    found: DriveStatistics,
-    *,
-    recording: Path,
-    facts: DriveFacts,
-    scene: str,
-    dropped: Mapping[str, int],
-    camera: CameraModel,
-    seconds: float,
-    told: tuple[Finding, ...],
+    found: DriveStatistics, *, recording: Path, scene: str, camera: CameraModel, told: Sequence[Finding]
 ) -> ImportSummary:
     """Return the summary, from the statistics and the findings `told` of earlier steps."""
-    rates = {stream.role: stream.rate_hz for stream in facts.streams if stream.role and stream.rate_hz}
+    coverage = found.coverage
+    gaps_s = found.gaps_s
+    streams = found.facts.streams
     return ImportSummary(
         recording=recording,
-        format=facts.format,
+        format=found.facts.format,
         scene=scene,
         frames=found.frames,
-        dropped=dropped,
+        dropped=found.dropped,
         without_depth=found.frames - found.with_depth,
-        rates_hz={role: round(rate, 2) for role, rate in rates.items()},
+        rates_hz={each.role: round(each.rate_hz, 2) for each in streams if each.role and each.rate_hz},
         camera=ImportedCamera.of(camera, is_lens_known=found.is_lens_known),
         odometry=found.odometry,
-        seconds=seconds,
-        path_m=path_m(found.poses) if found.coverage else None,
-        pieces_expected=found.coverage.pieces if found.coverage else None,
-        largest_piece_expected=found.coverage.largest_share if found.coverage else None,
-        revisited_share=found.coverage.revisited_share if found.coverage else None,
-        gaps=len(found.gaps_s),
-        longest_gap_s=max(found.gaps_s, default=0.0),
+        seconds=found.stamps[-1] - found.stamps[0],
+        path_m=path_m(found.poses) if coverage else None,
+        pieces_expected=coverage.pieces if coverage else None,
+        largest_piece_expected=coverage.largest_share if coverage else None,
+        revisited_share=coverage.revisited_share if coverage else None,
+        gaps=len(gaps_s),
+        longest_gap_s=max(gaps_s, default=0.0),
         tilt=found.tilt,
         drift=found.drift,
-        findings=(*told, *_drive_findings(found)),
+        findings=(*told, *drive_findings(found)),
         next_step=(
             f"`ltvn build {recording} --output map.rrd` makes a map. Its `known_share` is the share of the drive that "
             "the map recognises; below 80 % it also lists where it fails, and likely causes."
         ),
     )
-
-
-def _drive_findings(drive: DriveStatistics) -> Iterator[Finding]:
-    """Yield what is doubtful about a drive, with the likely cause and advice."""
-    for check in (_camera, _depth, _tilt, _odometry, _frames, _overlap, _dropped):
-        yield from check(drive)
 
 
 def unread_text(facts: DriveFacts, role: str, otherwise: str) -> tuple[str, str]:
@@ -199,152 +187,149 @@ def unread_text(facts: DriveFacts, role: str, otherwise: str) -> tuple[str, str]
     if not unread:
         return "", otherwise
     by_option = f"Name the right one with --{role.replace('_', '-')}."
-    names = ", ".join(stream.described for stream in unread[:_MOST_NAMES])
+    names = ", ".join(stream.described for stream in unread[:MOST_NAMES])
     return f"; not read: {names}", " ".join(dict.fromkeys(stream.remedy or by_option for stream in unread))
 
 
-def _camera(drive: DriveStatistics) -> Iterator[Finding]:
-    if not drive.is_lens_known:
-        unread, remedy = unread_text(drive.facts, "camera_info", "")
-        yield Finding(
-            f"The lens is unknown{unread}. A field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and "
-            f"distances will be wrong if it differs: {HOW_TO}.",
-            remedy=remedy,
+def drive_findings(drive: DriveStatistics) -> list[Finding]:
+    """Return what is doubtful about a drive, with the likely cause and advice, in the order of `_rows`."""
+    return [Finding(text, remedy=remedy) for is_doubtful, text, remedy in _rows(drive) if is_doubtful]
+
+
+def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
+    """Yield each condition with its text and remedy; a text is complete only where its condition holds."""
+    lens, lens_remedy = unread_text(drive.facts, "camera_info", "")
+    depth, depth_remedy = unread_text(drive.facts, "depth", "Record the depth camera too, if the robot has one.")
+    odometry, odometry_remedy = unread_text(
+        drive.facts, "odometry", "Name the odometry with --odometry, if the robot has it."
+    )
+    yield (
+        not drive.is_lens_known,
+        f"The lens is unknown{lens}. A field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and distances will "
+        f"be wrong if it differs: {HOW_TO}.",
+        lens_remedy,
+    )
+    yield (
+        drive.width_px < NARROW_PX,
+        f"The images are {drive.width_px} pixels wide; below {NARROW_PX} pixels hardly any place is recognised, so a "
+        "map may know only a small part of the drive.",
+        "Record larger images if the camera can.",
+    )
+    yield (
+        not drive.is_depth_registered,
+        "The depth images are not registered to the colours; they were aligned by the two lenses alone, so depth is "
+        "shifted by a few centimetres.",
+        "Name a registered stream with --depth, if there is one.",
+    )
+    yield (
+        not drive.with_depth,
+        f"{'No depth was used' if depth else f'There is no depth among {drive.used_streams}'}{depth}: predictors that "
+        "need it cannot use this drive, and the others estimate distances less well.",
+        depth_remedy,
+    )
+    yield (
+        0 < drive.with_depth < drive.frames,
+        f"{drive.frames - drive.with_depth} of {drive.frames} images have no depth; they are not used where depth is "
+        "needed.",
+        "",
+    )
+    low, high = drive.nearest_m, drive.farthest_m
+    yield (
+        0 < low < high <= 1 and high > Z_BUFFER_ABOVE,
+        f"All depth lies between {low:.3g} and {high:.3g}, and no pixel is without: such numbers are usually not "
+        "metres but the z-buffer of a renderer.",
+        "If they are, write metres: near * far / (far - z * (far - near)), with the near and far planes of the "
+        "renderer.",
+    )
+    median_m = drive.depth_median_m or NEAREST_MEDIAN_M
+    yield (
+        not NEAREST_MEDIAN_M <= median_m <= FARTHEST_MEDIAN_M,
+        f"Half of the depth is {'nearer' if median_m < NEAREST_MEDIAN_M else 'farther'} than {median_m:.3g} m, where "
+        f"{NEAREST_MEDIAN_M:g} to {FARTHEST_MEDIAN_M:g} m are usual, so the assumed unit is probably wrong: "
+        f"{HOW_TO_SCALE}.",
+        "",
+    )
+    if (tilt := drive.tilt) is not None:
+        yield (
+            abs(tilt.pitch_median_deg) > STEEP_DEG,
+            f"The camera looks {'down' if tilt.pitch_median_deg < 0 else 'up'} by {abs(tilt.pitch_median_deg):.0f} "
+            "degrees; a predictor for a level camera sees little of such images.",
+            "Use `--predictor geometric`, or mount the camera nearly level.",
         )
-    if drive.width_px < NARROW_PX:
-        yield Finding(
-            f"The images are {drive.width_px} pixels wide; below {NARROW_PX} pixels hardly any place is recognised, "
-            "so a map may know only a small part of the drive.",
-            remedy="Record larger images if the camera can.",
-        )
-
-
-def _depth(drive: DriveStatistics) -> Iterator[Finding]:
-    if not drive.is_depth_registered:
-        yield Finding(
-            "The depth images are not registered to the colours; they were aligned by the two lenses alone, so depth "
-            "is shifted by a few centimetres.",
-            remedy="Name a registered stream with --depth, if there is one.",
-        )
-    if not drive.with_depth:
-        yield _no_depth(drive)
-    elif drive.with_depth < drive.frames:
-        missing = drive.frames - drive.with_depth
-        yield Finding(f"{missing} of {drive.frames} images have no depth; they are not used where depth is needed.")
-    yield from _z_buffer(drive)
-    median_m = drive.depth_median_m
-    if median_m is not None and not NEAREST_MEDIAN_M <= median_m <= FARTHEST_MEDIAN_M:
-        side = "nearer" if median_m < NEAREST_MEDIAN_M else "farther"
-        yield Finding(
-            f"Half of the depth is {side} than {median_m:.3g} m, where {NEAREST_MEDIAN_M:g} to {FARTHEST_MEDIAN_M:g} m "
-            f"are usual, so the assumed unit is probably wrong: {HOW_TO_SCALE}."
-        )
-
-
-def _z_buffer(drive: DriveStatistics) -> Iterator[Finding]:
-    low, high = drive.depth_range_m or (0.0, 0.0)
-    if 0 < low < high <= 1 and high > Z_BUFFER_ABOVE:
-        yield Finding(
-            f"All depth lies between {low:.3g} and {high:.3g}, and no pixel is without: such numbers are usually not "
-            "metres but the z-buffer of a renderer.",
-            remedy="If they are, write metres: near * far / (far - z * (far - near)), with the near and far planes of "
-            "the renderer.",
-        )
-
-
-def _no_depth(drive: DriveStatistics) -> Finding:
-    less = "predictors that need it cannot use this drive, and the others estimate distances less well."
-    unread, remedy = unread_text(drive.facts, "depth", "Record the depth camera too, if the robot has one.")
-    found = "No depth was used" if unread else f"There is no depth among {_used(drive)}"
-    return Finding(f"{found}{unread}: {less}", remedy=remedy)
-
-
-def _used(drive: DriveStatistics) -> str:
-    return ", ".join(drive.used_streams[:_MOST_NAMES]) or "images alone"
-
-
-def _tilt(drive: DriveStatistics) -> Iterator[Finding]:
-    tilt = drive.tilt
-    if tilt is not None and abs(tilt.pitch_median_deg) > STEEP_DEG:
-        way = "down" if tilt.pitch_median_deg < 0 else "up"
-        yield Finding(
-            f"The camera looks {way} by {abs(tilt.pitch_median_deg):.0f} degrees; a predictor for a level camera sees "
-            "little of such images.",
-            remedy="Use `--predictor geometric`, or mount the camera nearly level.",
-        )
-    if tilt is not None and tilt.roll_largest_deg > ROLLED_DEG:
-        yield Finding(
+        yield (
+            tilt.roll_largest_deg > ROLLED_DEG,
             f"By its poses the camera rolls by up to {tilt.roll_largest_deg:.0f} degrees, and pitches from "
             f"{tilt.pitch_lowest_deg:.0f} to {tilt.pitch_highest_deg:.0f}.",
-            remedy="If the quaternions are written with w first, write them as qx qy qz qw; if the poses are of the "
-            "robot's body, turn them to the camera's optical frame (x right, y down, z forward).",
+            "If the quaternions are written with w first, write them as qx qy qz qw; if the poses are of the robot's "
+            "body, turn them to the camera's optical frame (x right, y down, z forward).",
         )
-
-
-def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
-    if drive.odometry is OdometrySource.NONE:
-        by_option = "Name the odometry with --odometry, if the robot has it."
-        unread, remedy = unread_text(drive.facts, "odometry", by_option)
-        yield Finding(
-            f"There is no odometry among {_used(drive)}{unread}. All images have the same pose: only the predictor "
-            "estimates distances between them, and its errors cannot be detected.",
-            remedy=remedy,
+    yield (
+        drive.odometry is OdometrySource.NONE,
+        f"There is no odometry among {drive.used_streams}{odometry}. All images have the same pose: only the "
+        "predictor estimates distances between them, and its errors cannot be detected.",
+        odometry_remedy,
+    )
+    yield (
+        drive.is_spacing_ignored,
+        "--every-m and --every-deg were ignored, because without odometry the motion of the camera is unknown: an "
+        "image was kept if it had changed.",
+        _KEEP_ALL,
+    )
+    yield (
+        drive.odometry is OdometrySource.TRUTH,
+        "The source has no odometry; the true poses replace it, so a map of this drive is better than one by wheel "
+        "odometry.",
+        "",
+    )
+    if (drift := drive.drift) is not None:
+        yield (
+            drift.per_metre > MUCH_DRIFT,
+            f"Odometry deviates from the true poses by {drift.per_metre:.0%} of the distance driven; is it in metres, "
+            "of the same robot, and turned as x forward, y left?",
+            "",
         )
-    if drive.is_spacing_ignored:
-        yield Finding(
-            "--every-m and --every-deg were ignored, because without odometry the motion of the camera is unknown: an "
-            "image was kept if it had changed.",
-            remedy=_KEEP_ALL,
-        )
-    if drive.odometry is OdometrySource.TRUTH:
-        yield Finding(
-            "The source has no odometry; the true poses replace it, so a map of this drive is better than one by wheel "
-            "odometry."
-        )
-    if drive.drift is not None and drive.drift.per_metre > MUCH_DRIFT:
-        yield Finding(
-            f"Odometry deviates from the true poses by {drive.drift.per_metre:.0%} of the distance driven; is it in "
-            "metres, of the same robot, and turned as x forward, y left?"
-        )
-
-
-def _frames(drive: DriveStatistics) -> Iterator[Finding]:
-    if drive.facts.assumed_rate_hz is not None:
-        yield Finding(
-            f"The images have no stamps; {drive.facts.assumed_rate_hz:g} per second were assumed, so times and speeds "
-            "are wrong if they were taken at another rate.",
-            remedy="Give it with --rate.",
-        )
-    if drive.frames < FEW_FRAMES:
-        text = f"Only {drive.frames} images are left; a map needs a drive of some metres."
-        yield Finding(text, remedy=_thinned(drive))
-    if len(drive.gaps_s) >= MANY_GAPS or sum(drive.gaps_s) > MANY_GAPS * 10:
-        yield Finding(
-            f"For {len(drive.gaps_s)} times, {sum(drive.gaps_s):.0f} s in all, there are no images; did the recorder "
-            "lose messages?"
-        )
-
-
-def _overlap(drive: DriveStatistics) -> Iterator[Finding]:
-    if drive.coverage is None or drive.frames < 2:
-        return
-    steps = np.diff(drive.poses, axis=0)
-    apart = np.hypot(steps[:, 0], steps[:, 1]) > NEAR_M
-    apart |= np.abs(wrap_angle(steps[:, 2])) > drive.field_of_view_rad / 2
-    if apart.mean() > _APART_SHARE:
-        yield Finding(
+    yield (
+        drive.facts.assumed_rate_hz is not None,
+        f"The images have no stamps; {drive.facts.assumed_rate_hz or 0:g} per second were assumed, so times and "
+        "speeds are wrong if they were taken at another rate.",
+        "Give it with --rate.",
+    )
+    yield (
+        drive.frames < FEW_FRAMES,
+        f"Only {drive.frames} images are left; a map needs a drive of some metres.",
+        _thinned(drive),
+    )
+    gaps_s = drive.gaps_s
+    yield (
+        len(gaps_s) >= MANY_GAPS or sum(gaps_s) > MANY_GAPS * 10,
+        f"For {len(gaps_s)} times, {sum(gaps_s):.0f} s in all, there are no images; did the recorder lose messages?",
+        "",
+    )
+    if (coverage := drive.coverage) is not None and drive.frames > 1:
+        steps = np.diff(drive.poses, axis=0)
+        apart = np.hypot(steps[:, 0], steps[:, 1]) > NEAR_M
+        apart |= np.abs(wrap_angle(steps[:, 2])) > drive.field_of_view_rad / 2
+        yield (
+            bool(apart.mean() > _APART_SHARE),
             f"{apart.sum()} of {len(apart)} images do not overlap with the one before: they are farther than {NEAR_M} "
             "m apart, or turned by more than half of the field of view.",
-            remedy="If its poses are in metres and radians, drive slower, or record more images per second. "
+            "If its poses are in metres and radians, drive slower, or record more images per second. "
             f"{_thinned(drive)}".rstrip(),
         )
-    if drive.coverage.pieces > 1:
-        yield Finding(
-            f"By its poses the drive consists of {drive.coverage.pieces} pieces, the largest with "
-            f"{drive.coverage.largest_share:.0%} of the images. Neither near images nor odometry join the pieces, so "
-            "a map will be in pieces too. Are the gaps or jumps real?",
-            remedy="Drive the missing routes, and return to where you began.",
+        yield (
+            coverage.pieces > 1,
+            f"By its poses the drive consists of {coverage.pieces} pieces, the largest with "
+            f"{coverage.largest_share:.0%} of the images. Neither near images nor odometry join the pieces, so a map "
+            "will be in pieces too. Are the gaps or jumps real?",
+            "Drive the missing routes, and return to where you began.",
         )
+    wrong = drive.dropped_as_wrong
+    causes = " ".join(filter(None, dict.fromkeys(_CAUSES.get(reason, _OTHER_CAUSE) for reason in wrong)))
+    yield (
+        causes != "" and sum(wrong.values()) > _DROPPED_SHARE * (drive.frames + sum(wrong.values())),
+        f"{sum(wrong.values())} images could not be used, see `dropped` for the reasons. {causes}",
+        "",
+    )
 
 
 def _thinned(drive: DriveStatistics) -> str:
@@ -354,11 +339,3 @@ def _thinned(drive: DriveStatistics) -> str:
     if drive.odometry is OdometrySource.NONE:
         return f"{drive.thinned} were left out because the image had hardly changed. {_KEEP_ALL}"
     return f"{drive.thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."
-
-
-def _dropped(drive: DriveStatistics) -> Iterator[Finding]:
-    wrong = sum(drive.dropped_as_wrong.values())
-    if wrong > _DROPPED_SHARE * (drive.frames + wrong):
-        causes = dict.fromkeys(_CAUSES.get(reason, _OTHER_CAUSE) for reason in drive.dropped_as_wrong)
-        if said := " ".join(cause for cause in causes if cause):
-            yield Finding(f"{wrong} images could not be used, see `dropped` for the reasons. {said}")

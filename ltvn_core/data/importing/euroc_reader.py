@@ -4,22 +4,22 @@
 `state_groundtruth_estimate0` holds poses of the body in a world whose z is up. Burri et al., IJRR 2016.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
+from ltvn_core.data.importing.file_lens import FileLens
 from ltvn_core.data.importing.foreign_files import require_own_files
 from ltvn_core.data.importing.pose_track import PoseTrack, read_poses
 from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import CalibrationYaml
 from ltvn_core.data.importing.spatial_pose import Transform, inverse
-from ltvn_core.data.importing.stamped_lists import rate_hz, stamped_lines
-from ltvn_core.errors import CameraError, DriveError
+from ltvn_core.data.importing.stamped_lists import apart_in_time, rate_hz, stamped_lines
+from ltvn_core.errors import DriveError
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
 """Folders with poses, in order of preference."""
@@ -50,7 +50,7 @@ def _listed_drive(path: Path, options: ReadOptions) -> FileDrive:
     truth, truth_name = _read_truth(body, np.eye(4) if camera_on_body is None else camera_on_body)
     if truth is not None:
         streams.append(SourceFact("truth", truth_name, len(truth.stamps), rate_hz(truth.stamps)))
-        doubts += _time_doubts(stamps, truth.stamps, truth_name)
+        doubts += apart_in_time(stamps, truth.stamps, truth_name, unit="nanoseconds")
     return FileDrive(
         format="euroc",
         folder=folder,
@@ -86,23 +86,23 @@ def _lens(said: CalibrationYaml, path: Path, doubts: list[str]) -> CameraModel |
     try:
         fx, fy, cx, cy = said.numbers("intrinsics")
         width, height = (int(side) for side in said.numbers("resolution"))
-        is_fisheye = distortion in _FISHEYES
-        coefficients = tuple(said.numbers("distortion_coefficients"))
-        return CameraModel(
-            width=width,
-            height=height,
-            fx=fx,
-            fy=fy,
-            cx=cx,
-            cy=cy,
-            distortion=coefficients if is_fisheye or any(coefficients) else (),
-            fisheye=is_fisheye,
-        )
-    except (ValueError, CameraError) as error:
+    except ValueError as error:
         raise DriveError(
             f"{path} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy and resolution in "
             "pixels. Correct it, or remove it and use --camera."
         ) from error
+    coefficients = tuple(said.numbers("distortion_coefficients"))
+    lens = FileLens(
+        source=str(path),
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        size=(width, height),
+        distortion=coefficients,
+        fisheye=distortion in _FISHEYES,
+    )
+    return lens.camera(width, height)
 
 
 def _read_truth(body: Path, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
@@ -114,14 +114,6 @@ def _read_truth(body: Path, camera_on_body: Transform) -> tuple[PoseTrack | None
             on_body = CalibrationYaml(sensor).transform("T_BS") if sensor.is_file() else None
             return _track(path, (np.eye(4) if on_body is None else inverse(on_body)) @ camera_on_body), name
     return None, ""
-
-
-def _time_doubts(images: Sequence[float], stamps: NDArray[np.float64], name: str) -> Iterator[str]:
-    if stamps[-1] < images[0] or stamps[0] > images[-1]:
-        yield (
-            f"The images are from {images[0]:.3f} to {images[-1]:.3f} s, {name} from {stamps[0]:.3f} to "
-            f"{stamps[-1]:.3f} s, with no moment in common. Write both in nanoseconds of one clock."
-        )
 
 
 def _is_camera(folder: Path) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.data.importing.foreign_files import read_foreign
 from ltvn_core.errors import DriveError
@@ -127,6 +127,23 @@ def rate_hz(stamps: ArrayLike) -> float | None:
     """Return the usual number of stamps per second, for N increasing stamps; None if there are too few."""
     period = period_s(stamps)
     return None if period is None else 1 / period
+
+
+def apart_in_time(
+    images: Sequence[float],
+    stamps: Sequence[float] | NDArray[np.float64],
+    name: str,
+    *,
+    unit: str = "seconds",
+    slack_s: float = 0.0,
+) -> Iterator[str]:
+    """Yield a doubt if the stamps of the list `name` have no moment in common with those of the images, both in
+    increasing order."""
+    if len(stamps) and (stamps[-1] < images[0] - slack_s or stamps[0] > images[-1] + slack_s):
+        yield (
+            f"The images are from {images[0]:.3f} to {images[-1]:.3f} s, {name} from {stamps[0]:.3f} to "
+            f"{stamps[-1]:.3f} s, with no moment in common. Write both in {unit} of one clock."
+        )
 
 
 def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float) -> list[int | None]:

@@ -5,7 +5,6 @@ depth images are 16-bit PNGs with 5000 units per metre. Depth and poses may be m
 """
 
 import re
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -14,7 +13,7 @@ from ltvn_core.data.importing.file_lens import FileLens, lens_beside, read_lens
 from ltvn_core.data.importing.pose_track import PoseTrack
 from ltvn_core.data.importing.raw_frame import NOTHING, FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import camera_beside
-from ltvn_core.data.importing.stamped_lists import nearest, rate_hz, stamped_lines
+from ltvn_core.data.importing.stamped_lists import apart_in_time, nearest, rate_hz, stamped_lines
 from ltvn_core.data.importing.unread_files import require_file, unread_beside
 from ltvn_core.errors import DriveError
 
@@ -81,7 +80,14 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
         depth_unit_m=described.metres_per_unit or 1 / UNITS_PER_METRE,
         depth_focal_px=described.depth_focal_px,
         # Those about times are first, because they may be why no image can be used.
-        doubts=[*_time_doubts(stamps, depths, truth, odometry), *doubts, *_axis_doubts(truth, odometry)],
+        doubts=[
+            *(track.doubt for track in (truth, odometry) if track is not None and track.doubt),
+            *apart_in_time(stamps, [stamp for stamp, _ in depths], "depth.txt", slack_s=SLACK_S),
+            *([] if truth is None else apart_in_time(stamps, truth.stamps, "groundtruth.txt", slack_s=SLACK_S)),
+            *([] if odometry is None else apart_in_time(stamps, odometry.stamps, "the odometry", slack_s=SLACK_S)),
+            *doubts,
+            *_axis_doubts(truth, odometry),
+        ],
     )
 
 
@@ -126,25 +132,6 @@ def _odometry_track(folder: Path, wanted: str | None, doubts: list[str]) -> Pose
 def _lens(folder: Path) -> FileLens | None:
     calibration = folder / CALIBRATION_FILE
     return read_lens(calibration) if calibration.is_file() else lens_beside(folder)
-
-
-def _time_doubts(
-    images: Sequence[float],
-    depths: Sequence[tuple[float, str]],
-    truth: PoseTrack | None,
-    odometry: PoseTrack | None,
-) -> Iterator[str]:
-    """Yield doubts about stamps, and about lists that do not overlap with the images in time."""
-    yield from (track.doubt for track in (truth, odometry) if track is not None and track.doubt)
-    spans: list[tuple[str, Sequence[float]]] = [("depth.txt", [stamp for stamp, _ in depths])]
-    spans += [("groundtruth.txt", truth.stamps.tolist())] if truth is not None else []
-    spans += [("the odometry", odometry.stamps.tolist())] if odometry is not None else []
-    for name, stamps in spans:
-        if stamps and (stamps[-1] < images[0] - SLACK_S or stamps[0] > images[-1] + SLACK_S):
-            yield (
-                f"The images are from {images[0]:.3f} to {images[-1]:.3f} s, {name} from {stamps[0]:.3f} to "
-                f"{stamps[-1]:.3f} s, with no moment in common. Write both in seconds of one clock."
-            )
 
 
 def _local(folder: Path, name: str) -> str:

@@ -17,13 +17,14 @@ from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
+from ltvn_core.data.importing.file_lens import FileLens
 from ltvn_core.data.importing.foreign_files import require_within
 from ltvn_core.data.importing.pose_track import PoseTrack
 from ltvn_core.data.importing.raw_frame import FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import CalibrationYaml, camera_beside
 from ltvn_core.data.importing.spatial_pose import BODY_FROM_OPTICAL, Transform, is_rigid, transform
 from ltvn_core.data.importing.stamped_lists import list_lines, rate_hz
-from ltvn_core.errors import CameraError, DriveError
+from ltvn_core.errors import DriveError
 
 _COLOUR_SUFFIXES = (".jpg", ".jpeg", ".png")
 _LENS_SUFFIXES = (".yaml", ".yml")
@@ -316,21 +317,22 @@ def _described_lens(folder: Path, path: Path, width: int, height: int) -> Camera
     said = CalibrationYaml(_within(folder, path))
     try:
         matrix = np.reshape(said.numbers("camera_matrix"), (3, 3)).tolist()
-        distortion = tuple(said.numbers("distortion_coefficients"))
-        is_fisheye = said.word("distortion_model") in _FISHEYES
         size = (int(said.word("image_width") or 0) or width, int(said.word("image_height") or 0) or height)
-        return CameraModel(
-            width=size[0],
-            height=size[1],
-            fx=matrix[0][0],
-            fy=matrix[1][1],
-            cx=matrix[0][2],
-            cy=matrix[1][2],
-            distortion=distortion[:4] if is_fisheye else (distortion if any(distortion) else ()),
-            fisheye=is_fisheye,
-        )
-    except (ValueError, CameraError) as error:
+    except ValueError as error:
         raise DriveError(
             f"{path} describes no camera ({error!s:.120}); it needs camera_matrix with 3 rows of 3 numbers. Correct "
             "it, or use --camera."
         ) from error
+    distortion = tuple(said.numbers("distortion_coefficients"))
+    is_fisheye = said.word("distortion_model") in _FISHEYES
+    lens = FileLens(
+        source=str(path),
+        fx=matrix[0][0],
+        fy=matrix[1][1],
+        cx=matrix[0][2],
+        cy=matrix[1][2],
+        size=size,
+        distortion=distortion[:4] if is_fisheye else distortion,
+        fisheye=is_fisheye,
+    )
+    return lens.camera(width, height)

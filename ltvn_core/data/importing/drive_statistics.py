@@ -1,4 +1,4 @@
-"""Statistics of a drive while it is read: frames, poses, tilts, gaps, revisited places, and the expected map.
+"""Statistics of a drive while it is read: frames, poses, tilts, gaps, and the expected map.
 
 Owns the arithmetic on poses and stamps. `import_summary` decides which numbers are doubtful.
 """
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from ltvn_core.config import ROBUST
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts, RawFrame
+from ltvn_core.data.importing.revisits import near_pairs, revisits
 from ltvn_core.data.importing.stamped_lists import period_s
-from ltvn_core.geometry import distance, relative, rigid_fit, wrap_angle
+from ltvn_core.geometry import distance, relative, rigid_fit
 from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
 from ltvn_core.types import Observation, Pose, Tilt
@@ -30,13 +30,6 @@ TOO_LITTLE_MOTION = "too little motion"
 STAMP_NOT_AFTER = "stamp not after the one before"
 NO_ODOMETRY = "no odometry at that time"
 NO_TRUTH = "no true pose at that time"
-NEAR_M = 0.6
-NEAR_RAD = math.radians(20)
-"""Largest distance in metres, and largest difference of heading, of images that can be compared; edges join such
-images."""
-_REVISIT_PATH_M = 3.0
-_REVISIT_S = 10.0
-"""Distance in metres, or time in seconds while turning on the spot, after which a place counts as revisited."""
 MOST_NAMES = 10
 """Largest number of streams that a message names."""
 _EVERY_PIXEL = 4
@@ -245,30 +238,3 @@ def drift(odometry: Pose, truth: Pose) -> Drift | None:
         per_metre=float(np.median(np.hypot(gap[:, 0], gap[:, 1]) / stretch_m)),
         yaw_deg_per_metre=float(np.degrees(np.median(np.abs(gap[:, 2]) / stretch_m))),
     )
-
-
-def near_pairs(poses: Pose) -> NDArray[np.intp]:
-    """Return the rows (K, 2) of poses (N, 3) that are near each other."""
-    # Headings lie on a circle on which the chord of NEAR_RAD is as long as NEAR_M.
-    radius = NEAR_M / (2 * math.sin(NEAR_RAD / 2))
-    points = np.column_stack([poses[:, :2], radius * np.cos(poses[:, 2]), radius * np.sin(poses[:, 2])])
-    pairs = KDTree(points).query_pairs(NEAR_M * math.sqrt(2), output_type="ndarray")
-    apart = poses[pairs[:, 1]] - poses[pairs[:, 0]]
-    near = (np.hypot(apart[:, 0], apart[:, 1]) < NEAR_M) & (np.abs(wrap_angle(apart[:, 2])) < NEAR_RAD)
-    return pairs[near]
-
-
-def revisits(pairs: NDArray[np.intp], poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the near pairs (K, 2) whose images lie on two passes of one place, the earlier row first.
-
-    Args:
-        pairs: Rows, as `near_pairs` returns them.
-        poses: (N, 3), by odometry.
-        stamps: (N,), seconds.
-    """
-    steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.zeros(0)
-    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    first = pairs.min(axis=1)
-    last = pairs.max(axis=1)
-    again = (way_m[last] - way_m[first] >= _REVISIT_PATH_M) | (stamps[last] - stamps[first] >= _REVISIT_S)
-    return np.column_stack([first, last])[again]

@@ -13,7 +13,6 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.drive_statistics import (
     MOST_NAMES,
-    NEAR_M,
     NO_ODOMETRY,
     NO_TRUTH,
     STAMP_NOT_AFTER,
@@ -25,6 +24,7 @@ from ltvn_core.data.importing.drive_statistics import (
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import NO_DEPTH, NO_POSE, NOT_LATER, DriveFacts
+from ltvn_core.data.importing.revisits import NEAR_M
 from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.geometry import wrap_angle

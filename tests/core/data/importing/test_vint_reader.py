@@ -13,7 +13,6 @@ import pytest
 from ltvn_core.data.importing.raw_frame import ReadOptions
 from ltvn_core.data.importing.vint_reader import VINT
 from ltvn_core.errors import DriveError
-from tests.platforms import needs_posix
 
 POSES = np.array([[0.0, 0.0, 0.0], [0.25, 0.0, 0.1], [0.5, 0.1, 0.2], [0.75, 0.1, 0.3]])
 
@@ -150,20 +149,9 @@ def test_what_is_no_trajectory_ends_in_one_line(tmp_path: Path, content: bytes) 
     assert "\n" not in str(caught.value)
 
 
-@needs_posix
-def test_damaged_images_are_left_out_and_images_without_a_pose_have_no_odometry(tmp_path: Path) -> None:
-    folder = write_folder(tmp_path / "hall", images=5)
-    (folder / "1.jpg").write_bytes((folder / "1.jpg").read_bytes()[:100])
-    (tmp_path / "secret.jpg").write_bytes((folder / "0.jpg").read_bytes())
-    (folder / "2.jpg").unlink()
-    (folder / "2.jpg").symlink_to(tmp_path / "secret.jpg")
-    reader = VINT.open(folder, ReadOptions())
-
-    frames = list(reader.frames())
-
-    assert [frame.name for frame in frames] == ["0.jpg", "3.jpg", "4.jpg"]
-    assert reader.dropped == {"damaged or missing image": 2}
-    assert frames[-1].odometry is None
+def test_images_without_a_pose_have_no_odometry(tmp_path: Path) -> None:
+    frames = list(VINT.open(write_folder(tmp_path / "hall", images=5), ReadOptions()).frames())
+    assert [frame.odometry is None for frame in frames] == [False] * 4 + [True]
 
 
 def test_a_whole_data_set_lists_its_trajectories(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_a_frozen_map_stays_as_it_is(method: Method) -> None:
 
 
 def drive_at_the_wall(method: Method, queries: int = 5) -> MappedWorld:
-    """Send the robot along a corridor that a wall has closed, again and again."""
+    """Send the robot along a corridor that a wall has closed, again and again while the map leads there."""
     place = mapped_corridor(
         replace(method, recovering=replace(method.recovering, give_up_after_looks=3, step_limit=400))
     )
@@ -67,6 +67,8 @@ def drive_at_the_wall(method: Method, queries: int = 5) -> MappedWorld:
     for query in range(queries):
         place.robot.pose = np.array([0.6, 1.0, 0.0])
         assert not place.go(5, query)[0].reached
+        if (2, 3) not in place.graph.edges:
+            break
     assert place.robot.collisions > 0
     return place
 

@@ -9,13 +9,13 @@ from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Note, Outcome
 from tests.core.flat_world import FlatPredictor
 from tests.core.navigation.blind_world import NO_DEPTH, blind_robot
-from tests.core.navigation.mapped_world import PRESETS, events_of, mapped_corridor, mapped_rooms
+from tests.core.navigation.mapped_world import events_of, mapped_corridor, mapped_rooms
 
 DEPTHS = pytest.mark.parametrize("depth", NO_DEPTH.values(), ids=NO_DEPTH.keys())
+CASES = pytest.mark.parametrize(("method", "depth"), [(ROBUST, NO_DEPTH["zero"]), (PAPER, NO_DEPTH["absent"])])
 
 
-@DEPTHS
-@PRESETS
+@CASES
 def test_the_robot_arrives_though_every_third_image_has_no_depth(method: Method, depth: np.ndarray | None) -> None:
     place = blind_robot(mapped_rooms(method), depth, lambda pose, step: step % 3 == 0)
 
@@ -26,8 +26,7 @@ def test_the_robot_arrives_though_every_third_image_has_no_depth(method: Method,
     assert any("has no depth" in note.text for note in events_of(Note, events))
 
 
-@DEPTHS
-@PRESETS
+@CASES
 def test_a_robot_that_never_has_depth_gives_up_as_lost(method: Method, depth: np.ndarray | None) -> None:
     place = blind_robot(mapped_rooms(method), depth, lambda pose, step: True)
 

@@ -30,7 +30,7 @@ from tests.core.navigation.mapped_world import FIRST_STEP, PRESETS, events_of, m
 @PRESETS
 def test_random_goals_in_two_rooms_are_reached(method: Method) -> None:
     place = mapped_rooms(method, drift=0.03)
-    goals = random_goals(list(place.graph.nodes), 12, np.random.default_rng(1))
+    goals = random_goals(list(place.graph.nodes), 6, np.random.default_rng(1))
     navigator = place.navigator()
     reached = [place.go(goal, query, navigator)[0].reached for query, goal in enumerate(goals)]
     assert all(reached)

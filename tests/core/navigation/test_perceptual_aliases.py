@@ -1,4 +1,4 @@
-"""Two places that look the same: the way there tells the robot which of them it is at."""
+"""Where the robot is: the way there tells places apart that look the same, and each image is found, or is nowhere."""
 
 from dataclasses import dataclass, replace
 
@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
+from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.navigation.passive_localisation import PassiveLocaliser
 from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.types import Features, Prediction
-from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, tour
+from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room, tour
 
 APART = np.array([7.0, 0.0, 0.0, 0.0])
 WAY = [(0.6, 1.0), (13.4, 1.0), (0.6, 1.0)]
@@ -83,3 +86,24 @@ def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_
     assert memory.doubted == {3}
     memory.begin_anew(1.0)
     assert not memory.doubted
+
+
+FIRST_DRIVE = [(0.7, 0.7), (2.7, 0.7)]
+
+
+def test_a_second_drive_is_found_in_the_map_of_the_first_and_elsewhere_is_nowhere() -> None:
+    predictor = FlatPredictor(one_room())
+    keyframes = KeyframeStore(predictor)
+    images = list(tour(FIRST_DRIVE, spins=False))
+    graph = TopologicalGraph(build(images, keyframes, predictor, ROBUST, np.random.default_rng(0)))
+    localiser = PassiveLocaliser(graph, keyframes, predictor, ltvn_system(ROBUST))
+    for x in np.arange(0.8, 2.6, 0.3):
+        pose = np.array([x, 0.75, 0.1])
+        found = localiser.localise(observation_at(pose, 1000 + int(10 * x), relative(np.array([3.0, 1.0, 2.0]), pose)))
+        assert found is not None
+        assert found.node is not None
+        place = keyframes.observation(found.node).odometry
+        assert np.hypot(*(place - pose)[:2]) < 0.72
+    away = localiser.localise(observation_at(np.array([4.2, 3.2, 1.5]), 2000))
+    assert away is not None
+    assert away.node is None

@@ -109,8 +109,8 @@ def test_what_no_image_shows_is_gone_round_once_it_has_stopped_the_robot_twice()
 
 def test_where_all_ways_are_closed_the_robot_looks_round_and_tries_again() -> None:
     place = door_world()
-    place.put_glass(NEAR_DOOR, FAR_DOOR, breaks_after_steps=1200)
-    assert steps(drive(place, 0)) > 1200
+    place.put_glass(NEAR_DOOR, FAR_DOOR, breaks_after_steps=800)
+    assert steps(drive(place, 0)) > 800
 
 
 def test_a_door_that_is_seen_to_be_open_again_from_afar_needs_no_try() -> None:

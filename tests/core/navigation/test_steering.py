@@ -1,5 +1,7 @@
 """The controller gets there, forwards or backwards, within the limits and without dithering."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,9 +9,13 @@ from hypothesis import strategies as st
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.events import Outcome, QueryEnded, Tick
 from ltvn_core.navigation.steering import TurningCircle, drives_backwards, steer
-from ltvn_core.robots.robot_spec import SpeedLimits
-from ltvn_core.types import Twist, Waypoint
+from ltvn_core.robots.robot_spec import LOCOBOT, SpeedLimits
+from ltvn_core.simulation.opening import open_simulation
+from ltvn_core.types import CONTROL_STEP_S, Twist, Waypoint
+from tests.repository import DEMO_MAP
 
 DRIVING = ROBUST.driving
 waypoints = st.builds(
@@ -97,3 +103,30 @@ def test_a_car_that_may_not_drive_on_turns_with_the_other_arc() -> None:
 
 def test_a_base_that_turns_on_the_spot_drives_what_it_is_told() -> None:
     assert list(TurningCircle(SpeedLimits()).commands(Twist(0.0, 1.0), np.zeros(3))) == [Twist(0.0, 1.0)]
+
+
+RADIUS_M = 0.4
+CAR_ROBOT = replace(LOCOBOT, name="car", speeds=SpeedLimits(turning_radius_m=RADIUS_M))
+
+
+@pytest.mark.parametrize(("start", "goal"), [(56, 2694), (1681, 2196)])
+def test_it_reaches_its_goal(start: int, goal: int) -> None:
+    known = TopologicalMap.load(DEMO_MAP)
+    began, wanted = (known.keyframes.observation(node).exact_pose for node in (start, goal))
+    assert began is not None
+    assert wanted is not None
+    robot = open_simulation("demo", seed=0, start=began, spec=CAR_ROBOT, body="planar").robot
+    outcome = None
+    for event in known.navigator(robot).query(goal, 0):
+        if isinstance(event, Tick):
+            before = robot.exact_pose
+            robot.clock.advance(CONTROL_STEP_S)
+            moved = robot.exact_pose - before
+            turned_rad = abs(np.remainder(moved[2] + np.pi, 2 * np.pi) - np.pi)
+            # A chord is shorter than its arc, and contact may hold the body back, but not turn it faster.
+            assert turned_rad * RADIUS_M <= 0.5 * CONTROL_STEP_S + 1e-6
+            assert robot.speeds.angular_rad_s * RADIUS_M <= abs(robot.speeds.linear_m_s) + 1e-9
+        elif isinstance(event, QueryEnded):
+            outcome = event.outcome
+    assert outcome is Outcome.ARRIVED
+    assert np.hypot(*(robot.exact_pose - wanted)[:2]) < 0.6

@@ -10,7 +10,6 @@ from ltvn_core.analysis.mapping_advice import (
     one_sided_places,
 )
 from ltvn_core.config import ROBUST
-from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.connectivity import strongly_connected_components
@@ -19,7 +18,6 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from tests.core.flat_world import FlatPredictor, one_room, tour
-from tests.repository import DEMO_DRIVE
 
 STEPS_M = 0.5
 
@@ -140,22 +138,12 @@ def test_nodes_from_an_older_drive_are_another_visit() -> None:
     assert len(find_missing_loop_closures(graph, [], np.empty((0, 3)))) == 1
 
 
-def test_the_demo_drive_is_judged_as_a_whole() -> None:
-    recording = Recording.open(DEMO_DRIVE)
-    graph = recording.final_graph()
-    advice = advise_mapping(graph, recording.frames, recording.poses.odometry)
-    assert sum(map(len, advice.strongly_connected_components)) == len(graph.nodes)
-    assert all(loop.first in graph.nodes and loop.second in graph.nodes for loop in advice.missing_closures)
-    assert advice.hint.text
-
-
-@pytest.mark.slow
-def test_two_thousand_images_and_ten_thousand_nodes_are_counted_right() -> None:
-    poses = ring(laps=62.5)
+def test_many_rounds_and_a_long_way_are_counted_right() -> None:
+    poses = ring(laps=15)
     graph = chain(poses)
     advice = coached(graph, poses)
-    assert strongly_connected_components(graph) == (tuple(range(2000)),)
+    assert strongly_connected_components(graph) == (tuple(range(480)),)
     assert advice.missing_closures
     assert all(abs(loop.first - loop.second) % 32 in (0, 1, 31) for loop in advice.missing_closures)
-    long = np.array([[0.5 * k, 0.0, 0.0] for k in range(10_000)])
+    long = np.array([[0.5 * k, 0.0, 0.0] for k in range(2000)])
     assert coached(chain(long), long).missing_closures == ()

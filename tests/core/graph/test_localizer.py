@@ -16,7 +16,6 @@ from ltvn_core.graph.localiser import (
     LocalisationPrior,
     Localiser,
     near_enough,
-    plan_neighbourhood,
 )
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_from_observation
@@ -117,11 +116,6 @@ def test_the_nodes_that_look_like_an_image_come_best_first() -> None:
     assert {node for node, _ in ranked[1:]} == {3, 5}
 
 
-def test_around_a_plan_are_its_nodes_and_where_their_edges_lead() -> None:
-    _, graph = line(FlatPredictor(one_room()), ROBUST)
-    assert set(plan_neighbourhood(graph, (2, 3))) == {2, 3, 4}
-
-
 class UnsurePredictor(FlatPredictor):
     """Gives pairs of images an r between 0.3 and 1."""
 
@@ -131,7 +125,7 @@ class UnsurePredictor(FlatPredictor):
         return answer
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_at_a_believed_place_comparing_few_nodes_finds_what_comparing_all_finds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     predictor = UnsurePredictor(one_room())

@@ -21,7 +21,6 @@ from tests.core.navigation.blind_world import NO_DEPTH, DepthPredictor
 
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 0.7)]
 DEPTHS = pytest.mark.parametrize("depth", NO_DEPTH.values(), ids=NO_DEPTH.keys())
-SYSTEMS = pytest.mark.parametrize("system", [ltvn_system, sptm_system, ving_system])
 
 
 def drive(depth: Depth | None, every: int = 4) -> list[Observation]:
@@ -33,8 +32,10 @@ def blind_frames(images: list[Observation]) -> list[FrameId]:
     return [seen.step for seen in images if not seen.has_depth]
 
 
-@DEPTHS
-@SYSTEMS
+@pytest.mark.parametrize(
+    ("system", "depth"),
+    [(ltvn_system, NO_DEPTH["zero"]), (ltvn_system, NO_DEPTH["absent"]), (sptm_system, None), (ving_system, None)],
+)
 def test_no_system_makes_a_node_of_an_image_without_depth(
     system: Callable[[Method], NavigationSystem], depth: Depth | None, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -95,10 +95,6 @@ def test_penalties_on_edges_that_are_gone_are_ignored() -> None:
     assert Planner(diamond(), ROBUST.planning).plan(0, 3, {(7, 8): 1.0}).nodes == (0, 1, 3)
 
 
-def test_edges_lead_one_way() -> None:
-    assert Planner(diamond(), ROBUST.planning).plan(3, 0) == NO_PATH
-
-
 def test_hard_negatives_have_no_path() -> None:
     assert Planner(diamond(), ROBUST.planning).plan(0, 99) == NO_PATH
     assert Planner(TopologicalGraph(), ROBUST.planning).plan(0, 0) == NO_PATH

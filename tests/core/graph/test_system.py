@@ -11,7 +11,6 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.evaluation.trial_plans import PARTS, RULES, without_parts
-from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
@@ -72,21 +71,6 @@ def test_the_same_navigator_reaches_the_goal_with_each_system(name: str, method:
     assert GOAL in drive.graph.nodes
     assert drive.go().reached
     assert drive.robot.collisions == 0
-
-
-def test_an_unknown_system_is_refused_with_the_names_that_exist() -> None:
-    with pytest.raises(OptionError, match=r"'orb'.*ltvn, sptm, ving"):
-        open_system("orb", ROBUST)  # type: ignore[arg-type]
-
-
-@PRESETS
-def test_the_papers_system_builds_what_algorithm_1_builds(method: Method) -> None:
-    predictor = FlatPredictor(two_rooms())
-    plain = build(IMAGES, KeyframeStore(predictor), predictor, method, np.random.default_rng(3), goals=[GOAL])
-    whole = ltvn_system(method).build(
-        IMAGES, KeyframeStore(predictor), predictor, rng=np.random.default_rng(3), goals=[GOAL]
-    )
-    assert whole == plain
 
 
 class Forgetful(NoMaintenance):
@@ -191,12 +175,6 @@ def test_leaving_out_nothing_changes_nothing_and_an_unknown_part_is_refused() ->
     assert without_parts(ROBUST, parts) == without_parts(without_parts(ROBUST, ["expansion", "merging"]), ["pruning"])
     with pytest.raises(OptionError, match=r"'wheels'.*merging, pruning, expansion"):
         without_parts(ROBUST, ["wheels"])
-
-
-def test_without_each_of_our_rules_the_method_is_the_papers() -> None:
-    plain = without_parts(ROBUST, RULES)
-
-    assert replace(plain, believing=PAPER.believing) == replace(PAPER, believing=PAPER.believing)
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -210,15 +210,3 @@ def test_only_a_person_prunes_a_protected_edge() -> None:
         graph.apply(EdgePruned(1, 2, Cause.ATTEMPT))
     graph.apply(EdgePruned(1, 2, Cause.HAND))
     assert not graph.edges
-
-
-def test_a_map_is_never_equal_to_something_else() -> None:
-    assert TopologicalGraph() != "a map"
-
-
-def test_a_map_of_ten_thousand_nodes_and_fifty_thousand_edges_folds() -> None:
-    deltas: list[GraphDelta] = [node(frame) for frame in range(10_000)]
-    deltas += [edge(k, (k + step) % 10_000) for k in range(10_000) for step in (1, 2, 3, 5, 8)]
-    graph = TopologicalGraph(deltas)
-    assert len(graph.edges) == 50_000
-    assert len(graph.deltas()) == 60_000

@@ -61,8 +61,10 @@ def test_maps_in_order_and_short_drives_are_not_doubted() -> None:
     loaded = load_map(DEMO_MAP)
     assert map_findings(loaded.graph, len(loaded.observations), ALL_KNOWN) == ()
     images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
-    built = build_map(images, predictor=FlatPredictor(one_room()), system=None)
+    built = build_map(images, predictor=FlatPredictor(one_room()), is_lens_known=False)
+    assert built.coverage == ALL_KNOWN
     assert map_findings(built.graph, len(images), ALL_KNOWN) == ()
+    assert not any("Likely cause" in doubt for doubt in built.doubts)
     assert map_findings(TopologicalGraph(), 1, ALL_KNOWN) == ()
 
 
@@ -87,12 +89,6 @@ def test_a_map_that_knows_a_part_of_its_drive_is_told_with_where_it_ends() -> No
     assert 0 < built.coverage.share < 0.8
     begins = {f"from {run[0].stamp:.1f} s to {run[-1].stamp:.1f} s" for run in (images, carried)}
     assert any(begin in doubt for begin in begins)
-
-
-def test_a_map_that_knows_its_drive_says_so() -> None:
-    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
-    built = build_map(images, predictor=FlatPredictor(one_room()))
-    assert built.coverage == ALL_KNOWN
 
 
 class NarrowPredictor(FlatPredictor):
@@ -153,12 +149,6 @@ def test_a_robot_that_never_moved_and_saw_one_thing_is_told_to_drive() -> None:
     said = " ".join(build_map(images, predictor=FlatPredictor(one_room())).doubts)
     assert "stayed within 0.5 m" in said
     assert "all images look alike" in said
-
-
-def test_a_map_in_order_has_no_causes_to_look_for() -> None:
-    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
-    built = build_map(images, predictor=FlatPredictor(one_room()), is_lens_known=False)
-    assert not any("Likely cause" in doubt for doubt in built.doubts)
 
 
 def test_a_drive_without_odometry_is_joined_by_what_its_images_say_alone() -> None:

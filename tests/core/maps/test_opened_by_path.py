@@ -1,6 +1,5 @@
 """A map opens by its path as well as by its contents, and what is no path is refused with what would be."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,10 +23,9 @@ from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_MAP
 
 
-@pytest.mark.parametrize("kind", [Path, str])
-def test_a_map_opens_by_its_path_as_by_its_contents(kind: Callable[[Path], Path | str]) -> None:
+def test_a_map_opens_by_its_path_as_by_its_contents() -> None:
     by_contents = TopologicalMap.open(load_map(DEMO_MAP), with_reserve=False)
-    by_path = TopologicalMap.open(kind(DEMO_MAP), with_reserve=False)
+    by_path = TopologicalMap.open(str(DEMO_MAP), with_reserve=False)
     assert by_path.graph.nodes == by_contents.graph.nodes
     assert by_path.graph.edges == by_contents.graph.edges
     assert by_path.predictor_name == by_contents.predictor_name
@@ -58,23 +56,20 @@ def test_a_map_names_the_predictor_that_was_opened_by_name(tmp_path: Path, name:
     assert type(again.predictor) is type(predictor)
 
 
-@pytest.mark.parametrize("kind", [Path, str])
-def test_weights_recordings_and_outputs_are_named_by_text_or_path(
-    tmp_path: Path, kind: Callable[[Path], Path | str]
-) -> None:
-    weights = kind(SHIPPED_WEIGHTS)
+def test_weights_recordings_and_outputs_are_named_by_text_as_by_path(tmp_path: Path) -> None:
+    weights = str(SHIPPED_WEIGHTS)
     assert load_predictor(weights).fingerprint == open_predictor("network", weights=weights).fingerprint
-    assert TopologicalMap.open(kind(DEMO_MAP), weights=weights, with_reserve=False).graph.nodes
-    with RecordingWriter(kind(tmp_path / "drive.rrd"), scene="flat", config={}, fingerprint="") as writer:
+    assert TopologicalMap.open(str(DEMO_MAP), weights=weights, with_reserve=False).graph.nodes
+    with RecordingWriter(str(tmp_path / "drive.rrd"), scene="flat", config={}, fingerprint="") as writer:
         for seen in short_drive():
             writer.write_frame(seen)
-    built = build_recorded_map(kind(tmp_path / "drive.rrd"), BuildOptions(), answers=kind(tmp_path / "answers"))
-    built.map.save(kind(tmp_path / "copy.rrd"), origin=kind(tmp_path / "drive.rrd"))
-    save_recorded_map(built.map, kind(tmp_path / "map.rrd"), BuildOptions())
-    recording = Recording.open(kind(tmp_path / "map.rrd"))
-    export_recording(recording, kind(tmp_path / "map.graphml"), ExportFormat.GRAPHML)
+    built = build_recorded_map(str(tmp_path / "drive.rrd"), BuildOptions(), answers=str(tmp_path / "answers"))
+    built.map.save(str(tmp_path / "copy.rrd"), origin=str(tmp_path / "drive.rrd"))
+    save_recorded_map(built.map, str(tmp_path / "map.rrd"), BuildOptions())
+    recording = Recording.open(str(tmp_path / "map.rrd"))
+    export_recording(recording, str(tmp_path / "map.graphml"), ExportFormat.GRAPHML)
     assert (tmp_path / "map.graphml").exists()
     with pytest.raises(DriveError):
-        open_drive(kind(tmp_path / "nothing"))
+        open_drive(str(tmp_path / "nothing"))
     with pytest.raises(WeightsError, match="card"):
-        open_predictor("onnx", weights=kind(tmp_path / "card.toml"))
+        open_predictor("onnx", weights=str(tmp_path / "card.toml"))

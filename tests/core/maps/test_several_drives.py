@@ -14,7 +14,7 @@ from ltvn_core.geometry import compose
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.maps.built_map import build_map
-from ltvn_core.maps.joined_drives import JoinedDrive, JoinedDrives, join_drives
+from ltvn_core.maps.joined_drives import JoinedDrives, join_drives
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
 from ltvn_core.types import Observation, Pose
@@ -204,11 +204,6 @@ def test_what_a_later_drive_sees_blocked_is_observed_so_and_told(tmp_path: Path)
         assert ends[1] > 2.5
     assert {edge for edge, seen in built.graph.presence.items() if not seen[-1].present} == set(blocked)
     assert f"{len(blocked)} edges seen blocked" in str(built.drives[1])
-
-
-def test_a_drive_is_told_by_its_images() -> None:
-    drive = JoinedDrive(name="monday", first=10, last=20)
-    assert [drive.holds(frame) for frame in (9, 10, 20, 21)] == [False, True, True, False]
 
 
 def test_images_of_another_drive_are_no_neighbours_in_time_though_odometry_agrees() -> None:

@@ -20,7 +20,7 @@ from ltvn_core.simulation.wheel_odometry import Drivetrain
 from ltvn_core.types import Pose, Twist
 from tests.core.simulation.two_room_mesh import box_house, save
 
-NAMED = ("demo", "tune-0", "tune-1", "tune-3", "train-05", "train-10", "plain-1", "plain-2", "office-0")
+NAMED = ("demo", "tune-1", "train-05", "plain-1", "office-0")
 STARTS, SECONDS = 2, 6
 BUMPER_S = 0.1
 Triangles = tuple[NDArray[np.floating], NDArray[np.integer]]

@@ -96,13 +96,6 @@ def test_a_camera_tilted_down_sees_the_floor_where_it_points() -> None:
     assert depth[36, 48] == pytest.approx(lens.height_m / np.sin(0.5), abs=0.02)
 
 
-def test_the_same_pose_gives_the_same_image(scene: Scene) -> None:
-    pose = scene.clearance.sample_poses(np.random.default_rng(1), 1)[0]
-    (rgb, depth), (again, depth_again) = (EmbreeRenderer(scene.surfaces).render(pose, LENS) for _ in range(2))
-    assert np.array_equal(rgb, again)
-    assert np.array_equal(depth, depth_again)
-
-
 def test_smoothing_changes_edges_and_leaves_depth_alone(scene: Scene) -> None:
     pose = scene.clearance.sample_poses(np.random.default_rng(2), 1)[0]
     smooth, depth = EmbreeRenderer(scene.surfaces).render(pose, LENS)

@@ -15,16 +15,15 @@ def drawing() -> trimesh.Scene:
     return trimesh.load_scene(io.BytesIO(locobot_glb()), file_type="glb")
 
 
-def test_the_robot_is_as_wide_as_its_base_and_as_high_as_its_camera(drawing: trimesh.Scene) -> None:
+def test_the_drawing_has_the_size_of_the_robot_and_stands_on_the_floor_around_its_origin(
+    drawing: trimesh.Scene,
+) -> None:
     low, high = np.asarray(drawing.bounds)
     assert (high - low)[:2] == pytest.approx([0.36, 0.36], abs=0.01)
     assert high[2] == pytest.approx(LOCOBOT.camera.height_m, abs=0.03)
-
-
-def test_the_robot_stands_on_the_floor_around_its_own_origin(drawing: trimesh.Scene) -> None:
-    low, high = np.asarray(drawing.bounds)
     assert low[2] == pytest.approx(0.0, abs=1e-3)
     assert (low + high)[:2] / 2 == pytest.approx([0.0, 0.0], abs=0.005)
+    assert len(locobot_glb()) < 1_000_000, "light enough for a page"
 
 
 def test_nothing_reaches_beyond_the_body_that_physics_knows(drawing: trimesh.Scene) -> None:
@@ -39,7 +38,3 @@ def test_the_camera_looks_forward(drawing: trimesh.Scene) -> None:
     assert isinstance(lens, trimesh.Trimesh)
     assert lens.bounds[0][0] > 0
     assert lens.centroid[2] == pytest.approx(LOCOBOT.camera.height_m, abs=0.01)
-
-
-def test_the_drawing_is_light_enough_for_a_page() -> None:
-    assert len(locobot_glb()) < 1_000_000

@@ -8,17 +8,20 @@ import pytest
 import trimesh
 
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.errors import SceneError
+from ltvn_core.errors import PluginError, SceneError
+from ltvn_core.plugins import SCENES, find_plugins
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.simulation.scene_registry import load_scene, scene_names
 from ltvn_core.types import Twist
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary
+from ltvn_core.verbs.jobs.plugins import contract_checks
 from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M, cut_away
+from tests.core.plugin_packages import install
 from tests.core.simulation.two_room_mesh import BLUE, HEIGHT, RED, box_house, save
 
 LENS = LOCOBOT.camera
@@ -312,3 +315,26 @@ def test_a_mesh_in_which_nothing_is_seen_is_refused_before_anything_is_driven(tm
     (tmp_path / "platform.json").write_text('{"up": "z", "floor_height": 0.0}', encoding="utf-8")
     with pytest.raises(SceneError, match="those from 11 more places on its floor, are blank"):
         open_simulation(str(path), seed=0)
+
+
+def test_a_scene_of_another_package_is_found_by_its_name_and_keeps_the_contract(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = "from pathlib import Path\ndef two_rooms(): return Path(__file__).with_name('house.glb')\n"
+    save(box_house(), tmp_path / "house.glb")
+    install(tmp_path, "two_houses", "[ltvn.scenes]\ntwo-rooms = two_houses:two_rooms\n", source=source)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    assert scene_names()[-1] == "two-rooms"
+    assert (load_scene("two-rooms").name, load_scene("two-rooms").address) == ("two-rooms", "two-rooms")
+    assert [each for each in contract_checks(find_plugins(SCENES)["two-rooms"]) if not each.passed] == []
+
+
+def test_a_broken_scene_is_refused_with_the_name_of_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = "def nothing(): return 7\n"
+    install(tmp_path, "empty_houses", "[ltvn.scenes]\nnothing = empty_houses:nothing\n", source=source)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PluginError, match=r"scene nothing of the package empty_houses .*returns int, not a Scene"):
+        load_scene("nothing")

@@ -103,12 +103,6 @@ def test_touching_again_after_backing_off_is_another_collision(robot: SimulatedR
     assert robot.collisions == 2
 
 
-def test_standing_in_the_open_is_no_collision(robot: SimulatedRobot) -> None:
-    robot.advance(2.0)
-    assert robot.collisions == 0
-    assert not robot.state().bumper_pressed
-
-
 def test_the_robot_drives_as_far_as_its_speed_says(robot: SimulatedRobot, start: Pose) -> None:
     _drive(robot, Twist(0.3, 0.0), 3.0)
     # Up to its speed it needs 0.2 s.
@@ -294,21 +288,6 @@ def test_a_person_may_look_through_another_lens(robot: SimulatedRobot) -> None:
     assert depth.shape == (240, 320)
     assert robot.observe() is seen
     assert seen.rgb.shape == (72, 96, 3)
-
-
-def test_the_same_commands_lead_to_the_same_place(launch: Launch) -> None:
-    ends = []
-    for _ in range(2):
-        robot = launch()
-        _drive(robot, Twist(0.5, 0.3), 6.0)
-        ends.append(robot.exact_pose)
-    assert np.array_equal(*ends)
-
-
-def test_closing_twice_is_fine(launch: Launch) -> None:
-    robot = launch()
-    robot.close()
-    robot.close()
 
 
 def _drive(robot: SimulatedRobot, twist: Twist, duration_s: float) -> None:

@@ -1,5 +1,6 @@
 """A mapping tour visits every room like a careful driver and ends."""
 
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,12 +44,6 @@ def test_a_tour_visits_all_rooms_that_have_free_floor(scene: Scene, toured: Tour
         assert _inside(seen[:, :2], edges).any()
 
 
-def test_a_tour_takes_each_image_in_a_step_of_its_own(toured: Tour) -> None:
-    steps = [observation.step for observation in toured.observations]
-    assert len(set(steps)) == len(steps)
-    assert steps == sorted(steps)
-
-
 def test_a_tour_hardly_ever_hits_anything(toured: Tour) -> None:
     assert toured.collisions <= 2
 
@@ -85,13 +80,10 @@ def test_the_same_seed_drives_the_same_tour(scene: Scene) -> None:
 def _toured(scene: Scene, seed: int, *, loops: int) -> Tour:
     rng = np.random.default_rng(seed)
     start = scene.clearance.sample_poses(rng, 1, min_clearance_m=0.35)[0]
-    robot = SimulatedRobot(scene, GreyCamera(), start=start, rng=rng)
-    try:
+    with closing(SimulatedRobot(scene, GreyCamera(), start=start, rng=rng)) as robot:
         observations = list(drive_tour(robot, scene, rng, loops=loops))
         robot.advance(0.1)
         return Tour(observations, robot.collisions, robot.speeds == ZERO_TWIST)
-    finally:
-        robot.close()
 
 
 def _inside(points: np.ndarray, edges: tuple[float, float, float, float]) -> np.ndarray:

@@ -1,6 +1,7 @@
 """A generated building as a scene, a round of a mapping tour through it, and what makes it this building."""
 
 import hashlib
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,12 +42,9 @@ def tour(building: Building) -> Round:
     )
     rng = np.random.default_rng(0)
     start = clearance.sample_poses(rng, 1, min_clearance_m=0.35)[0]
-    robot = SimulatedRobot(scene, GreyCamera(), start=start, rng=rng, body="planar")
-    try:
+    with closing(SimulatedRobot(scene, GreyCamera(), start=start, rng=rng, body="planar")) as robot:
         poses = [observation.exact_pose for observation in drive_tour(robot, scene, rng, loops=1)]
         return Round(np.array(poses)[:, :2], robot.collisions)
-    finally:
-        robot.close()
 
 
 def unreachable_share(building: Building) -> float:

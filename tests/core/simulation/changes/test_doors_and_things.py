@@ -174,7 +174,7 @@ def test_the_way_through_a_closed_door_is_gone_or_leads_round(world: World, scen
         assert pieces[_cell(world.scene.clearance, beside(doorway, side))], "who is shut in still gets about"
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(5))
 def test_undoing_brings_back_exactly_what_was_there(scene: Scene, seed: int) -> None:
     world, rng = World(scene), np.random.default_rng(seed)
     doors = np.array([door.middle for door in scene.parts.doors])

@@ -134,6 +134,14 @@ def test_a_camera_survives_json_and_the_keys_of_old_recordings_are_read() -> Non
         ({"pitch_rad": 2.0}, "right angle"),
         ({"quarter_turns": 4}, "0, 1, 2 or 3"),
         ({"depth_scale": 0.0}, "0.001 for millimetres"),
+        ({"width": 10**30}, "width and height"),
+        ({"width": True}, "width and height"),
+        ({"fx": 10**400}, "fx, fy"),
+        ({"fx": "wide"}, "fx, fy"),
+        ({"cx": [1, 2]}, "cx, cy"),
+        ({"height_m": None}, "height must be finite"),
+        ({"depth_scale": 10**400}, "metres per unit"),
+        ({"distortion": ((1, 2), 3, 4, 5)}, "0 or 4 or 5 or 8"),
     ],
 )
 def test_a_camera_that_cannot_be_right_is_refused_with_what_would_be(change: dict[str, object], said: str) -> None:

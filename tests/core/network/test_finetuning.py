@@ -70,12 +70,6 @@ def test_a_short_run_changes_the_weights_and_not_the_parent(tmp_path: Path, star
     assert result.before.simulated_drives is not None
 
 
-def test_a_run_that_nobody_judges_says_so(tmp_path: Path, start: Path) -> None:
-    result = run_fine_tuning(data(), start, replace(PLAN, judge=False), tmp_path / "work")
-    assert result is not None
-    assert (result.before, result.after, result.steps) == (None, None, 3)
-
-
 def test_a_cancelled_run_goes_on_where_it_was(tmp_path: Path, start: Path) -> None:
     cancelled, told = Event(), list[FineTuningProgress]()
 

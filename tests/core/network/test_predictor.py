@@ -1,5 +1,6 @@
 """The predictor answers the same however pairs are batched, and refuses what it cannot read."""
 
+import itertools
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -8,10 +9,10 @@ import torch
 
 from ltvn_core.errors import ImageError
 from ltvn_core.network.architecture import EnsembleArchitecture, PairArchitecture
-from ltvn_core.network.image_features import pack, row_length, unpack
+from ltvn_core.network.image_features import row_length
 from ltvn_core.network.network_families import PairNetwork, build_network
-from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.types import Features, HeldFeatures, Predictor
+from ltvn_core.network.predictor import NetworkPredictor, load_predictor
+from ltvn_core.types import Features, HeldFeatures, Observation, Predictor
 from tests.core.network.tiny_data import SMALL, tiny_observations
 
 
@@ -76,17 +77,6 @@ def test_answers_are_the_same_to_the_last_bit_before_and_after_the_operations_ar
         np.testing.assert_array_equal(after.waypoints, before.waypoints)
 
 
-def test_cached_features_give_what_the_network_gives_directly(predictor: NetworkPredictor) -> None:
-    features = predictor.encode(tiny_observations(4))
-    direct = unpack(torch.from_numpy(features), SMALL)
-    assert torch.equal(pack(direct), torch.from_numpy(features))
-    with torch.inference_mode():
-        network = predictor._network
-        output = network.compare(direct.take(torch.tensor([0, 1])), direct.take(torch.tensor([2, 3])))
-    found = predictor.predict(features[:2], features[2:])
-    np.testing.assert_allclose(found.reachability, network.reachability(output.logit).numpy(), atol=1e-6)
-
-
 def test_the_prefilter_compares_the_best_in_full_and_rates_the_others_below_them() -> None:
     network = PairNetwork(SMALL)
     features = NetworkPredictor(network, "").encode(tiny_observations(40))
@@ -139,3 +129,30 @@ def test_depth_without_any_return_gives_finite_predictions(predictor: NetworkPre
     reachability, waypoints = predictor.predict(features, features)
     assert np.isfinite(reachability).all()
     assert np.isfinite(waypoints).all()
+
+
+SIZE = (72, 96)
+
+
+def strange_images() -> list[Observation]:
+    """Every combination of strange colours and strange depth."""
+    rng = np.random.default_rng(0)
+    lone = np.zeros(SIZE, np.float32)
+    lone[40, 50] = 1.0
+    colours = [np.zeros((*SIZE, 3)), np.full((*SIZE, 3), 255), rng.integers(0, 256, (*SIZE, 3))]
+    depths = [np.zeros(SIZE), np.full(SIZE, 0.001), np.full(SIZE, 65.535), lone, rng.random(SIZE) * 1e30]
+    pairs = itertools.product(colours, depths)
+    return [
+        Observation(rgb.astype(np.uint8), depth.astype(np.float32), np.zeros(3), 0.0, step)
+        for step, (rgb, depth) in enumerate(pairs)
+    ]
+
+
+def test_any_two_images_are_compared_with_finite_numbers() -> None:
+    predictor = load_predictor()
+    features = predictor.encode(strange_images())
+    assert np.isfinite(features).all()
+    for row in range(len(features)):
+        found = predictor.predict(features[row : row + 1], features)
+        assert np.isfinite(found.waypoints).all()
+        assert ((found.reachability >= 0) & (found.reachability <= 1)).all()

@@ -9,18 +9,19 @@ import torch
 from safetensors.torch import save_file
 
 from ltvn_core.errors import WeightsError
-from ltvn_core.network.architecture import StackedArchitecture
-from ltvn_core.network.network_families import PairNetwork
+from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
+from ltvn_core.network.network_families import PairNetwork, build_network
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights
-from tests.core.network.tiny_data import SMALL
+from tests.core.network.tiny_data import SMALL, SMALL_STACKED
 
 
-def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
-    network = PairNetwork(SMALL)
+@pytest.mark.parametrize("size", [SMALL, SMALL_STACKED], ids=lambda size: size.name)
+def test_weights_come_back_as_they_were_saved(tmp_path: Path, size: PairArchitecture | StackedArchitecture) -> None:
+    network = build_network(size)
     fingerprint = save_weights(network, tmp_path / "w.safetensors", {"figures": 1})
     loaded = load_weights(tmp_path / "w.safetensors")
-    assert loaded.size == SMALL
+    assert loaded.size == size
     for name, value in network.state_dict().items():
         assert torch.equal(loaded.state_dict()[name], value), name
     assert read_card(tmp_path / "w.safetensors") == {"fingerprint": fingerprint, "figures": 1}
@@ -38,6 +39,8 @@ def test_equal_weights_have_equal_fingerprints_and_others_differ(tmp_path: Path)
 def test_missing_weights_are_named(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="there are no weights"):
         load_predictor(tmp_path / "nothing.safetensors")
+    with pytest.raises(WeightsError, match="there are no weights"):
+        read_card(Path("/"))
 
 
 def test_cut_and_foreign_files_are_refused(tmp_path: Path) -> None:
@@ -109,9 +112,10 @@ def test_an_unwritable_place_is_an_error(tmp_path: Path) -> None:
         save_weights(PairNetwork(SMALL), tmp_path / "file" / "w.safetensors")
 
 
-def test_a_damaged_card_is_an_error(tmp_path: Path) -> None:
-    card_path(tmp_path / "w.safetensors").write_text("{", encoding="utf-8")
-    with pytest.raises(WeightsError, match="card"):
+@pytest.mark.parametrize("text", ["[]", '"card"', "3", "{", "\xff"])
+def test_a_card_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+    card_path(tmp_path / "w.safetensors").write_bytes(text.encode("latin-1"))
+    with pytest.raises(WeightsError, match=r"w\.card\.json"):
         read_card(tmp_path / "w.safetensors")
 
 

@@ -149,27 +149,3 @@ def test_cancelling_while_learning_leaves_nothing(tmp_path: Path, start: Path, d
     )
     assert found is None
     assert list(folder.iterdir()) == []
-
-
-def test_progress_ends_an_interrupted_run_that_goes_on_afterwards(tmp_path: Path, start: Path, dataset: Path) -> None:
-    class Interrupted(Exception):
-        """The person pressed Ctrl-C."""
-
-    def interrupt(_share: float, doing: str, _progress: object) -> None:
-        if doing == "learning":
-            raise Interrupted
-
-    output = tmp_path / "scene-0.safetensors"
-    with pytest.raises(Interrupted):
-        fine_tune_for("ltvn", start, output, data=dataset, on_progress=interrupt)
-    assert (tmp_path / "work" / "checkpoint.safetensors").exists()
-    steps: list[int] = []
-    fine_tune_for(
-        "ltvn",
-        start,
-        output,
-        data=dataset,
-        on_progress=lambda _share, doing, progress: steps.append(progress.steps) if progress else None,
-    )
-    assert steps[-1] == 2
-    assert steps.count(1) <= 1

@@ -8,7 +8,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,9 +117,5 @@ class MeddledRobot:
 @contextmanager
 def meddled_robot() -> Iterator[MeddledRobot]:
     profile = read_profile(shipped_profiles()["sim"], "sim")
-    with ZenohLink.listen("tcp/127.0.0.1:0", node="robot") as link:
-        robot = MeddledRobot(link, profile)
-        try:
-            yield robot
-        finally:
-            robot.close()
+    with ZenohLink.listen("tcp/127.0.0.1:0", node="robot") as link, closing(MeddledRobot(link, profile)) as robot:
+        yield robot

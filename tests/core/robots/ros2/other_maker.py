@@ -1,7 +1,7 @@
 """ROBOTIS's `zenoh-ros2-sdk`, which speaks to robots of ROS 2 with code of its own, made ready without a network."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from rosbags.typesys import Stores, get_typestore
@@ -45,8 +45,5 @@ def other_makers_session(address: str, folder: Path) -> Iterator[int]:
     write_definitions(folder)
     get_registry().messages_dir = folder
     port = check_address(address)[2]
-    session = ZenohSession.get_instance("127.0.0.1", port)
-    try:
+    with closing(ZenohSession.get_instance("127.0.0.1", port)):
         yield port
-    finally:
-        session.close()

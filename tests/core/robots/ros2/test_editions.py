@@ -6,6 +6,7 @@ The robots are stand-ins; no program of ROS takes part.
 import logging
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -105,13 +106,10 @@ def _delivered(commands: TopicPublisher, reached: SimpleQueue[T], message: Any, 
 
 @each_edition
 def test_what_it_sees_and_where_it_is_are_heard_and_its_check_finds_nothing(base: ZenohLink, edition: Edition) -> None:
-    with EditionRobot(base, edition).looking():
-        robot = opened(base.address, profile_of(stamped=edition.stamped))
-        try:
-            seen = robot.observe()
-            doubts = look(robot)
-        finally:
-            robot.close()
+    profile = profile_of(stamped=edition.stamped)
+    with EditionRobot(base, edition).looking(), closing(opened(base.address, profile)) as robot:
+        seen = robot.observe()
+        doubts = look(robot)
 
     np.testing.assert_allclose(seen.odometry, POSE)
     assert (seen.rgb == COLOUR).all()
@@ -127,8 +125,7 @@ def _drive_off(driver: ZenohLink, profile: RobotProfile) -> None:
         commands.put(twist_message(twist, time.time() if stamped else None))
 
 
-@each_edition
-@each_type
+@pytest.mark.parametrize(("edition", "stamped"), [(HUMBLE, False), (JAZZY, True), (KILTED, True)])
 def test_the_guard_forwards_to_it(base: ZenohLink, driver: ZenohLink, edition: Edition, stamped: bool) -> None:
     robot = EditionRobot(base, edition, stamped=stamped)
     guard = Guard(base, profile_of(stamped=stamped))
@@ -150,8 +147,7 @@ def test_the_guard_says_soon_that_nobody_takes_its_commands(
         until(lambda: "No node subscribes" in caplog.text, patience_s=SOON_S)
 
 
-@each_edition
-@each_type
+@pytest.mark.parametrize(("edition", "stamped"), [(HUMBLE, False), (JAZZY, False), (KILTED, True)])
 def test_the_guard_says_soon_that_the_robot_expects_the_other_type(
     base: ZenohLink, driver: ZenohLink, caplog: pytest.LogCaptureFixture, edition: Edition, stamped: bool
 ) -> None:
@@ -165,26 +161,21 @@ def test_the_guard_says_soon_that_the_robot_expects_the_other_type(
         until(lambda: "No node subscribes" in caplog.text and expected in caplog.text, patience_s=SOON_S)
 
 
-@each_edition
-@each_type
+@pytest.mark.parametrize(("edition", "stamped"), [(HUMBLE, True), (JAZZY, False), (KILTED, True)])
 def test_the_check_says_whether_commands_are_stamped(base: ZenohLink, edition: Edition, stamped: bool) -> None:
-    with EditionRobot(base, edition, stamped=stamped).looking():
-        robot = opened(base.address, profile_of(stamped=not stamped))
-        try:
-            until(lambda: any(f"driving.stamped = {str(stamped).lower()}" in str(each) for each in look(robot)))
-            assert not robot.has_listener
-        finally:
-            robot.close()
+    profile = profile_of(stamped=not stamped)
+    with EditionRobot(base, edition, stamped=stamped).looking(), closing(opened(base.address, profile)) as robot:
+        until(lambda: any(f"driving.stamped = {str(stamped).lower()}" in str(each) for each in look(robot)))
+        assert not robot.has_listener
 
 
-@each_edition
 @pytest.mark.parametrize(
-    ("namespace", "domain", "change", "lines"),
+    ("edition", "namespace", "domain", "change", "lines"),
     [
-        ("/robot1", 0, None, ['topics.odometry = "/robot1/odom"', 'topics.command = "/robot1/cmd_vel"']),
-        ("", 7, None, ["domain = 7"]),
-        ("/robot1", 7, None, ['domain = 7, topics.odometry = "/robot1/odom"']),
-        ("", 0, ("[camera]", "[camera]\ncompressed_colour = true"), ["camera.compressed_colour = false"]),
+        (HUMBLE, "/robot1", 0, None, ['topics.odometry = "/robot1/odom"', 'topics.command = "/robot1/cmd_vel"']),
+        (JAZZY, "", 7, None, ["domain = 7"]),
+        (KILTED, "/robot1", 7, None, ['domain = 7, topics.odometry = "/robot1/odom"']),
+        (HUMBLE, "", 0, ("[camera]", "[camera]\ncompressed_colour = true"), ["camera.compressed_colour = false"]),
     ],
     ids=["namespace", "domain", "both", "type"],
 )

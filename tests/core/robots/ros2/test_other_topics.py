@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import closing
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -59,17 +60,13 @@ def _publish_another_part(address: str) -> None:
 
 
 def test_odometry_comes_from_the_tree_of_frames() -> None:
-    with served_here(PlacedRobot(), TREE) as address:
-        robot = opened(address, TREE)
-        try:
-            np.testing.assert_allclose(robot.observe().odometry, PLACE)
-            np.testing.assert_allclose(robot.state().odometry, PLACE)
-            _publish_another_part(address)
-            count = robot.inbox.odometry.count
-            until(lambda: robot.inbox.odometry.count > count + 2)
-            assert robot.inbox.odometry.refusal is None
-        finally:
-            robot.close()
+    with served_here(PlacedRobot(), TREE) as address, closing(opened(address, TREE)) as robot:
+        np.testing.assert_allclose(robot.observe().odometry, PLACE)
+        np.testing.assert_allclose(robot.state().odometry, PLACE)
+        _publish_another_part(address)
+        count = robot.inbox.odometry.count
+        until(lambda: robot.inbox.odometry.count > count + 2)
+        assert robot.inbox.odometry.refusal is None
 
 
 def test_a_transform_that_never_comes_is_named_with_those_that_do() -> None:
@@ -82,17 +79,13 @@ def test_a_transform_that_never_comes_is_named_with_those_that_do() -> None:
 def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> None:
     profile = changed_profile(("[camera]", "[camera]\ncompressed_colour = true\ncompressed_depth = true"))
     served = PlacedRobot()
-    with served_here(served, profile) as address:
-        robot = opened(address, profile)
-        try:
-            seen = robot.observe()
-            np.testing.assert_allclose(seen.rgb[40, 40], (200, 100, 30), atol=3)
-            np.testing.assert_allclose(seen.require_depth("a test"), 1.5, rtol=1e-5)
-            served.size = 144, 192
-            with pytest.raises(RobotError, match="image_raw is now 192 x 144, but was 96 x 72"):
-                until(lambda: robot.observe() is None)
-        finally:
-            robot.close()
+    with served_here(served, profile) as address, closing(opened(address, profile)) as robot:
+        seen = robot.observe()
+        np.testing.assert_allclose(seen.rgb[40, 40], (200, 100, 30), atol=3)
+        np.testing.assert_allclose(seen.require_depth("a test"), 1.5, rtol=1e-5)
+        served.size = 144, 192
+        with pytest.raises(RobotError, match="image_raw is now 192 x 144, but was 96 x 72"):
+            until(lambda: robot.observe() is None)
 
 
 def test_plain_images_where_compressed_ones_were_promised_are_named() -> None:
@@ -126,16 +119,12 @@ def _received(message: Any) -> Received:
 
 def test_what_the_bumper_feels_is_in_the_state() -> None:
     profile, served = changed_profile(), PlacedRobot()
-    with served_here(served, profile) as address:
-        robot = opened(address, profile)
-        try:
-            assert not robot.state().bumper_pressed
-            served.touches = True
-            until(lambda: robot.state().bumper_pressed)
-            served.touches = False
-            until(lambda: not robot.state().bumper_pressed)
-        finally:
-            robot.close()
+    with served_here(served, profile) as address, closing(opened(address, profile)) as robot:
+        assert not robot.state().bumper_pressed
+        served.touches = True
+        until(lambda: robot.state().bumper_pressed)
+        served.touches = False
+        until(lambda: not robot.state().bumper_pressed)
 
 
 def test_a_touch_between_two_questions_is_felt() -> None:
@@ -163,13 +152,9 @@ def test_a_charge_that_is_no_share_is_unknown(percentage: float, charge: float |
 
 
 def test_the_check_names_a_bumper_that_nobody_publishes() -> None:
-    profile = changed_profile()
-    with served_here(PlacedRobot(), changed_profile(('bumper = "/bumper"\n', ""))) as address:
-        robot = opened(address, profile)
-        try:
-            doubts = look_over(robot, seconds=0.5, drives=False).doubts
-        finally:
-            robot.close()
+    without = changed_profile(('bumper = "/bumper"\n', ""))
+    with served_here(PlacedRobot(), without) as address, closing(opened(address, changed_profile())) as robot:
+        doubts = look_over(robot, seconds=0.5, drives=False).doubts
     assert [doubt for doubt in doubts if "publishes /bumper" in doubt]
 
 

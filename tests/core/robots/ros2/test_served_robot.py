@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -40,11 +41,8 @@ def address() -> Iterator[str]:
 
 @pytest.fixture
 def robot(address: str) -> Iterator[RosRobot]:
-    opened = open_ros_robot(f"sim@{address}", patience_s=60.0)
-    try:
+    with closing(open_ros_robot(f"sim@{address}", patience_s=60.0)) as opened:
         yield opened
-    finally:
-        opened.close()
 
 
 def test_the_toolkit_sees_and_drives_it(address: str) -> None:

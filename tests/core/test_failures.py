@@ -9,18 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import pytest
 import tyro
 
 from ltvn_core.atomic_files import require_new_path
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cli import CLOSED_PIPE, FAILED, INTERRUPTED, run_verb
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.errors import CameraError, ImageError, OptionError, RecordingError, WeightsError
-from ltvn_core.network.weights_file import read_card
-from ltvn_core.preprocessing import preprocess_observation
+from ltvn_core.errors import OptionError, RecordingError
 from ltvn_core.verbs.verb import Summary, Verb
 from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP
@@ -110,71 +106,6 @@ def test_the_program_itself_never_shows_a_traceback(tmp_path: Path, command: str
     assert said.encode() in run.stderr
 
 
-def image(**changed: object) -> object:
-    good = {
-        "rgb": np.zeros((72, 96, 3), np.uint8),
-        "depth": np.ones((72, 96), np.float32),
-        "odometry": np.zeros(3),
-        "stamp": 0.0,
-        "step": 0,
-    }
-    return preprocess_observation(**{**good, **changed})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"rgb": [[1, 2], [3]]}, "rows differ in length"),
-        ({"depth": [[1.0, 2.0], [3.0]]}, "rows differ in length"),
-        ({"odometry": [[1, 2], 3]}, "three finite numbers"),
-        ({"odometry": ["a", "b", "c"]}, "three finite numbers"),
-        ({"odometry": None}, "three finite numbers"),
-        ({"odometry": [10**400, 0, 0]}, "three finite numbers"),
-        ({"odometry": [1e300, 0, 0]}, "three finite numbers"),
-        ({"stamp": "now"}, "finite stamp"),
-        ({"stamp": None}, "finite stamp"),
-        ({"stamp": 10**400}, "finite stamp"),
-        ({"stamp": 1.7e18}, "divide nanoseconds"),
-        ({"step": 10**30}, "at most 2\\^53"),
-        ({"step": 1.5}, "whole number"),
-        ({"step": float("nan")}, "whole number"),
-        ({"depth": np.full((72, 96), 1e300)}, "infinite"),
-        ({"depth": np.full((72, 96), 2100.0)}, "divide millimetres by 1000"),
-    ],
-)
-def test_what_a_robot_of_ones_own_gets_wrong_is_said_at_the_door(changed: dict[str, object], said: str) -> None:
-    with pytest.raises(ImageError, match=said):
-        image(**changed)
-
-
-@pytest.mark.parametrize("step", [2**31, 2**40, 2**53])
-def test_large_steps_are_kept_exactly(tmp_path: Path, step: int) -> None:
-    seen = image(step=np.int64(step))
-    with RecordingWriter(tmp_path / "late.rrd", scene="", config={}, fingerprint="") as writer:
-        writer.write_frame(seen)  # type: ignore[arg-type]
-    (frame,) = Recording.open(tmp_path / "late.rrd").frames
-    assert frame == step
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"width": 10**30},
-        {"width": True},
-        {"fx": 10**400},
-        {"fx": "wide"},
-        {"cx": [1, 2]},
-        {"height_m": None},
-        {"depth_scale": 10**400},
-        {"distortion": ((1, 2), 3, 4, 5)},
-    ],
-)
-def test_numbers_that_no_camera_has_are_refused(changed: dict[str, object]) -> None:
-    good = {"width": 96, "height": 72, "fx": 69.0, "fy": 69.0, "cx": 47.5, "cy": 35.5}
-    with pytest.raises(CameraError):
-        CameraModel(**{**good, **changed})  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -193,13 +124,6 @@ def test_a_name_that_no_file_can_have_is_said(tmp_path: Path, name: str, said: s
             use(path)
     with pytest.raises(RecordingError):
         RecordingWriter(path, scene="", config={}, fingerprint="")
-
-
-@pytest.mark.parametrize("text", ["[]", '"card"', "3", "{", "\xff"])
-def test_a_card_that_is_none_is_named(tmp_path: Path, text: str) -> None:
-    (tmp_path / "net.card.json").write_bytes(text.encode("latin-1"))
-    with pytest.raises(WeightsError, match=r"net\.card\.json"):
-        read_card(tmp_path / "net.safetensors")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,11 +148,6 @@ def test_numbers_that_no_verb_can_use_are_refused_before_anything_begins(
 ) -> None:
     assert run_verb("ltvn count", CountingVerb, options) == FAILED
     assert said in capfd.readouterr().err
-
-
-def test_weights_without_a_name_are_refused() -> None:
-    with pytest.raises(WeightsError, match="there are no weights"):
-        read_card(Path("/"))
 
 
 @needs_posix

@@ -61,17 +61,16 @@ def test_the_verb_of_another_package_runs_like_ours(packages: Path) -> None:
     assert '"said": "hello robot"' in ltvn(packages, "greet", "--json", "-").stdout
 
 
-def test_the_help_shows_the_verbs_of_other_packages_after_ours(packages: Path) -> None:
-    shown = ltvn(packages, "--help").stdout
-    assert "Greet somebody" in shown
-    assert shown.index("  export ") < shown.index("  greet ")
-
-
-def test_the_help_has_every_verb_of_ours_once_below_its_heading(packages: Path) -> None:
-    shown = ltvn(packages, "--help").stdout.splitlines()
+def test_the_help_has_every_verb_of_ours_once_below_its_heading_and_those_of_others_afterwards(packages: Path) -> None:
+    help_text = ltvn(packages, "--help").stdout
+    shown = help_text.splitlines()
     rows = [line.split()[0] for line in shown if line.startswith("  ") and line[2] != " "]
     assert [name for name in rows if name in FIRST_SHOWN] == list(FIRST_SHOWN)
     assert [line[:-1] for line in shown if line.endswith(":") and line[0] != " "] == [*GROUPS, "From other packages"]
+    assert "Greet somebody" in help_text
+    assert rows.index("export") < rows.index("greet")
+    assert "Not ours" not in help_text
+    assert "Describe recordings or maps" in ltvn(packages, "info", "--help").stdout
 
 
 def test_ltvn_alone_says_with_what_to_begin(packages: Path) -> None:
@@ -108,11 +107,6 @@ def test_every_job_that_a_verb_names_is_a_function_of_its_module() -> None:
             assert f"\ndef {function}(" in job.read_text(encoding="utf-8"), f"{module}:{function}"
 
 
-def test_a_package_cannot_replace_our_verb(packages: Path) -> None:
-    assert "Not ours" not in ltvn(packages, "--help").stdout
-    assert "Describe recordings or maps" in ltvn(packages, "info", "--help").stdout
-
-
 def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages: Path) -> None:
     shown = ltvn(packages, "--help")
     assert shown.returncode == 0
@@ -144,3 +138,89 @@ def test_ctrl_c_while_a_verb_is_imported_ends_with_one_line(tmp_path: Path) -> N
     install(tmp_path, "slow", verb("slow = slow:SlowVerb"), source="raise KeyboardInterrupt")
     run = ltvn(tmp_path, "slow")
     assert (run.returncode, run.stderr) == (130, "ltvn: interrupted\n")
+
+
+SOURCE = '''
+from dataclasses import dataclass
+from ltvn_core.verbs.verb import Verb
+
+@dataclass(frozen=True)
+class Dictionary(Verb):
+    """Return a dictionary."""
+    def run(self): return {"said": "hello"}
+
+@dataclass(frozen=True)
+class Nothing(Verb):
+    """Return nothing."""
+    def run(self): return None
+
+@dataclass(frozen=True)
+class Failing(Verb):
+    """Fail."""
+    def run(self): return {}["no such key"]
+
+@dataclass(frozen=True)
+class Bag:
+    held: object
+
+@dataclass(frozen=True)
+class Unjsonable(Verb):
+    """Return what JSON cannot hold."""
+    def run(self): return Bag({1, 2})
+
+@dataclass(frozen=True)
+class Unreadable(Verb):
+    """Have an option that no command line can have."""
+    strange: 'NoSuchType' = None
+    def run(self): return None
+
+class Jobless(Verb):
+    """Have nothing to do."""
+'''
+
+
+@pytest.fixture(scope="module")
+def odd_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("odd_packages")
+    names = ("Dictionary", "Nothing", "Failing", "Unjsonable", "Unreadable", "Jobless")
+    entries = "\n".join(f"{name.lower()} = odd_verbs:{name}" for name in names)
+    install(folder, "odd-verbs", f"[{VERBS.name}]\n{entries}\n", source=SOURCE)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("dictionary", "a verb returns an object of a dataclass"),
+        ("nothing", "a verb returns an object of a dataclass"),
+        ("failing", "KeyError: 'no such key'"),
+        ("unreadable", "odd-verbs"),
+        ("jobless", "neither `job"),
+    ],
+)
+def test_a_verb_that_cannot_do_its_work_is_named_in_one_line(odd_packages: Path, name: str, said: str) -> None:
+    run = ltvn(odd_packages, name)
+
+    assert run.returncode == 1
+    (line,) = run.stderr.strip().splitlines()
+    assert said in line
+    assert "odd" in line
+
+
+def test_debug_shows_where_a_verb_failed(odd_packages: Path) -> None:
+    assert "in run" in ltvn(odd_packages, "failing", "--debug").stderr
+
+
+def test_a_result_that_json_cannot_hold_is_told(odd_packages: Path) -> None:
+    run = ltvn(odd_packages, "unjsonable", "--json", "-")
+    assert run.returncode == 1
+    assert "JSON" in run.stderr.strip().splitlines()[-1]
+    assert "Traceback" not in run.stderr
+
+
+def test_a_verb_whose_options_cannot_be_read_spoils_no_completion(odd_packages: Path) -> None:
+    completed = ltvn(odd_packages, "--tyro-print-completion", "bash")
+
+    assert completed.returncode == 0
+    assert "replay" in completed.stdout
+    assert "--every-m" in completed.stdout

@@ -17,7 +17,7 @@ from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.predictors.geometric_evidence import shipped_calibration
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.training.fine_tuning_data import SimulatedPairs, ignore_progress, read_labelled_drive
-from ltvn_core.types import Observation, Pose
+from ltvn_core.types import Observation
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.verb import to_json
 from tests.core.network.training_data.example_drive import observations_at, poses_along
@@ -43,22 +43,6 @@ def test_a_recording_becomes_labelled_pairs(recording: Path) -> None:
     assert drive.name == "drive.rrd"
     assert len(drive.poses) == len(WAY)
     assert 0.1 < drive.reachable.mean() < 0.9
-
-
-def test_odometry_with_a_jump_is_taken_in_pieces(tmp_path: Path) -> None:
-    jumping: Pose = WAY.copy()
-    jumping[20:, 0] += 4
-    drive = read_labelled_drive(
-        record(tmp_path / "jump.rrd", observations_at(WAY, jumping)), OdometryLabelRule(horizon=8)
-    )
-    assert drive.trajectory.pieces == 2
-
-
-def test_a_recording_of_one_place_or_of_nothing_much_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="holds 6 images; fine-tuning needs 20"):
-        read_labelled_drive(record(tmp_path / "short.rrd", observations_at(WAY[:6])), OdometryLabelRule(horizon=8))
-    with pytest.raises(RecordingError, match="does not change"):
-        read_labelled_drive(record(tmp_path / "still.rrd", observations_at(WAY, WAY * 0)), OdometryLabelRule(horizon=8))
 
 
 def test_a_dataset_folder_that_holds_nothing_is_named(recording: Path, tmp_path: Path) -> None:

@@ -5,12 +5,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.errors import LtvnError, OptionError, RecordingError
+from ltvn_core.errors import OptionError, RecordingError
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import encode_sequence, read_sequence
 from ltvn_core.types import Observation, Predictor
 from ltvn_core.verbs.judge import JudgeVerb
@@ -109,10 +108,3 @@ def test_a_recording_of_one_image_cannot_be_judged(tmp_path: Path) -> None:
 def test_options_that_cannot_be_are_refused_first(verb: JudgeVerb, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         verb.run()
-
-
-def test_a_file_that_is_no_recording_ends_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "cut.rrd"
-    path.write_bytes(np.random.default_rng(0).bytes(1000))
-    with pytest.raises(LtvnError):
-        JudgeVerb(recording=path).run()

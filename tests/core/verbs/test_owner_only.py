@@ -17,7 +17,7 @@ from tests.repository import DEMO_MAP
 pytestmark = needs_posix
 
 
-@pytest.fixture(params=[0o022, 0o000, 0o002], autouse=True)
+@pytest.fixture(params=[0o022, 0o000], autouse=True)
 def umask(request: pytest.FixtureRequest) -> Iterator[int]:
     before = os.umask(request.param)
     yield request.param

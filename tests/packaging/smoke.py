@@ -49,8 +49,13 @@ def run(program: Path, *arguments: str, folder: Path) -> str:
 
 def replay(program: Path, recording: str, *, folder: Path, meanwhile: Callable[[str], None] = lambda _: None) -> None:
     """Open a recording in the page and ask for the page, then for `meanwhile` with its link; end it afterwards."""
+    serve(program, "replay", recording, folder=folder, meanwhile=meanwhile)
+
+
+def serve(program: Path, *arguments: str, folder: Path, meanwhile: Callable[[str], None] = lambda _: None) -> str:
+    """Open a page and ask for it, then for `meanwhile` with its link; end it, and return what was said before."""
     process = subprocess.Popen(
-        [str(program), "replay", recording, "--port", "0"],
+        [str(program), *arguments, "--port", "0"],
         cwd=folder,
         env=environment(),
         stdout=subprocess.DEVNULL,
@@ -60,9 +65,10 @@ def replay(program: Path, recording: str, *, folder: Path, meanwhile: Callable[[
     watch = threading.Timer(PATIENCE_S, process.kill)
     watch.start()
     try:
-        link = _until_the_link(process)
+        said, link = _until_the_link(process)
         open_link(link)
         meanwhile(link)
+        return said
     finally:
         watch.cancel()
         process.terminate()
@@ -75,13 +81,13 @@ def environment() -> dict[str, str]:
     return kept | {"PYTHONUTF8": "1"}
 
 
-def _until_the_link(process: "subprocess.Popen[str]") -> str:
+def _until_the_link(process: "subprocess.Popen[str]") -> tuple[str, str]:
     said: list[str] = []
     assert process.stderr is not None
     for line in process.stderr:
         said.append(line)
         if line.startswith("Ready."):
-            return re.findall(r"http://127\.0\.0\.1:\d+/\S*", "".join(said))[0]
+            return "".join(said), re.findall(r"http://127\.0\.0\.1:\d+/\S*", "".join(said))[0]
     raise AssertionError("The app ended before it was ready:\n" + "".join(said))
 
 

@@ -8,16 +8,20 @@ from PIL import Image
 
 from figures.__main__ import FiguresSummary, FiguresVerb
 from figures.baseline_tables import baseline_blocks
-from figures.metric_names import METRIC_NAMES, format_metric
+from figures.metric_names import METRIC_NAMES
 from figures.network_comparisons import comparison_tables
 from figures.network_curves import error_band, reliability_bins
 from figures.network_tables import network_blocks
+from figures.pair_table import PairTable, limits_from_recipe, reasons, single_criteria, waypoint_outline
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.evaluation.reports.figure_style import MAX_BYTES
 from ltvn_core.network.metrics import calibration_error
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
 from ltvn_core.network.weights_file import read_card
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import baseline_systems
+from tests.core.network.tiny_data import tiny_shard
 from tests.repository import ROOT
 from tools.results_page import fill_blocks
 
@@ -44,22 +48,6 @@ def test_all_images_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:
         assert min(picture.shape[:2]) > 400
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
     assert "AUC" in page.read_text(encoding="utf-8")
-
-
-def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) -> None:
-    page = tmp_path / "network.md"
-    page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    card = read_card(SHIPPED_WEIGHTS)
-    fill_blocks(page, network_blocks(card))
-    filled = page.read_text(encoding="utf-8").split("<!-- figures: begin -->")[1].split("<!-- figures: end -->")[0]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in filled.splitlines() if "|" in line]
-    table = {row[0]: row[1:] for row in rows}
-    for key, number in card["measured"]["pairs"].items():
-        assert table[METRIC_NAMES[key]][0] == format_metric(number)
-    for key, number in card["measured"]["drives"].items():
-        assert table[METRIC_NAMES[key]][1] == format_metric(number)
-    for command in card["commands"]:
-        assert f"    {command}\n" in page.read_text(encoding="utf-8")
 
 
 def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
@@ -127,3 +115,30 @@ def test_a_band_holds_nine_tenths_of_the_errors_and_leaves_out_bins_of_few() -> 
     found = error_band(at, error, np.array([0.0, 1.0, 2.0]))
     assert found.middle.tolist() == [0.5]
     assert (found.low[0], found.median[0], found.high[0]) == pytest.approx((0.05, 0.5, 0.95))
+
+
+@pytest.mark.parametrize("criterion", single_criteria())
+def test_every_pair_that_fails_a_criterion_names_it_among_its_reasons(criterion: FailedCriteria) -> None:
+    shard = tiny_shard()
+    table = PairTable(shard)
+    for row in np.flatnonzero(shard.failed & int(criterion)):
+        pair = table.pair(int(row))
+        found = reasons(pair, ReachabilityLimits())
+        assert criterion in [each.criterion for each in found]
+        assert len(found) == int(pair.failed).bit_count()
+        assert all(each.text and each.name for each in found)
+
+
+def test_limits_are_those_of_the_shards_recipe() -> None:
+    assert limits_from_recipe(tiny_shard().recipe) == ReachabilityLimits()
+    assert limits_from_recipe('{"limits": {"overlap": 0.4, "unheard_of": 1}}') == ReachabilityLimits(overlap=0.4)
+    assert limits_from_recipe("") == ReachabilityLimits()
+
+
+def test_a_waypoint_ahead_stands_upright_in_the_image_and_one_behind_is_not_drawn() -> None:
+    camera = LOCOBOT.camera
+    mast = waypoint_outline(np.array([2.0, 0.0, 0.3])).mast
+    assert mast[:, 0] == pytest.approx([camera.width / 2] * 2)
+    assert mast[1, 1] == pytest.approx(camera.height / 2)
+    assert mast[0, 1] > mast[1, 1]
+    assert np.isnan(waypoint_outline(np.array([-1.0, 0.0, 0.0])).mast).all()

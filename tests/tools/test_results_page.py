@@ -11,11 +11,13 @@ from PIL import Image
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.evaluation.reports.evaluation_files import find_results
+from ltvn_core.evaluation.reports.evaluation_tables import overall_table
 from ltvn_core.evaluation.reports.figure_style import MAX_BYTES, FigurePalette
+from ltvn_core.evaluation.reports.result_rows import rows_of
 from ltvn_core.evaluation.results import EvaluationResults, save_results
 from tests.core.evaluation.reports.fake_results import make_lifelong_result, make_trial, make_world_result
 from tests.repository import ROOT
-from tools.results_page import FIGURE_KINDS, fill_results_page, markdown_tables
+from tools.results_page import FIGURE_KINDS, fill_blocks, fill_results_page, markdown_tables
 
 PAGE = ROOT / "docs" / "lab-notebook" / "2026-11-results.md"
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
@@ -117,3 +119,30 @@ def test_results_of_one_command_are_one_row_that_names_their_scenes_and_seeds() 
     assert "| tune-1, tune-2 | 0, 1 |" in row
     (row,) = tables["world-runs"].splitlines()[2:]
     assert "| static, persistent |" in row
+
+
+PAGES = ROOT / "docs" / "systems.md", ROOT / "docs" / "lab-notebook" / "2026-11-systems.md"
+
+
+@pytest.mark.parametrize("section", ["systems", "foreign"])
+def test_the_pages_show_what_was_measured(section: str, tmp_path: Path) -> None:
+    results = find_results(ROOT / "docs" / "measurements" / section).results
+    tables = {**markdown_tables(results), "overall": overall_table(rows_of(results.trials)).markdown()}
+
+    for page in PAGES:
+        written = page.read_text(encoding="utf-8")
+        named = {f"{section}-{name}": table for name, table in tables.items()}
+        copy = tmp_path / page.name
+        copy.write_text(written, encoding="utf-8")
+        here = {name: table for name, table in named.items() if f"<!-- {name}: begin -->" in written}
+        fill_blocks(copy, here)
+        assert here
+        assert copy.read_text(encoding="utf-8") == written
+
+
+def test_the_overall_table_is_the_first_rows_of_the_main_one() -> None:
+    results = find_results(ROOT / "docs" / "measurements" / "systems").results
+    overall = overall_table(rows_of(results.trials)).markdown()
+
+    assert markdown_tables(results)["main"].startswith(overall)
+    assert len(overall.splitlines()) == 12

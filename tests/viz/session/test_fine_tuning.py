@@ -2,7 +2,6 @@
 
 import threading
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -206,14 +205,6 @@ def test_a_drive_that_teaches_nothing_is_one_clear_line_and_no_alarm(folder: Pat
     assert "short.rrd: holds 6 images; fine-tuning needs 20" in now.fine_tuning.lines[0]
     assert now.message is None
     assert [path.name for path in folder.iterdir()] == ["short.rrd"]
-
-
-def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None:
-    harness = fine_tuning_harness(folder)
-    harness.state.live_map.keyframes.keep_only([])
-    harness.state.live_map.keyframes.add([replace(seen, odometry=np.zeros(3)) for seen in drive()])
-    now = harness.do(c.Ask(c.Action.LEARN, 3), ticks=2)
-    assert "does not change" in now.fine_tuning.lines[0]
 
 
 def test_the_oracle_cannot_be_taught(folder: Path) -> None:

@@ -134,14 +134,11 @@ def test_a_scene_that_contradicts_the_map_is_refused(tmp_path: Path, open_state:
         open_state(AppOptions(scene="train-00", map=DEMO_MAP, predictor="oracle", recordings=tmp_path))
 
 
-def test_a_recording_to_watch_that_is_not_there_is_named(tmp_path: Path, open_state: Opening) -> None:
-    with pytest.raises(LtvnError, match=r"gone\.rrd"):
-        open_state(AppOptions(recordings=tmp_path, replay="gone.rrd"))
-
-
-def test_a_map_to_begin_with_that_is_not_there_is_named(tmp_path: Path, open_state: Opening) -> None:
-    with pytest.raises(LtvnError, match=r"gone\.rrd"):
-        open_state(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
+def test_a_recording_or_a_map_that_is_not_there_is_named(tmp_path: Path, open_state: Opening) -> None:
+    watched = AppOptions(recordings=tmp_path, replay="gone.rrd")
+    for options in (watched, AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd")):
+        with pytest.raises(LtvnError, match=r"gone\.rrd"):
+            open_state(options)
 
 
 @needs_posix

@@ -65,6 +65,8 @@ def test_half_way_between_two_nodes_the_margin_is_small() -> None:
 def test_the_neighbours_of_the_last_plan_come_first() -> None:
     fix = fix_at(2.05, plan=(4, 5))
     assert (fix.node, fix.scope) == (4, LOCAL)
+    led_to = fix_at(2.05, plan=(2,))
+    assert (led_to.node, led_to.scope) == (3, LOCAL), "an edge leads there from the plan"
 
 
 def test_far_from_the_plan_the_whole_map_is_searched() -> None:

@@ -3,18 +3,15 @@
 import logging
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
 from tyro.conf import Positional
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.systems.maintenance_names import MaintenanceName
-from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
+from ltvn_viz.app_settings import AppSettings
 from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
 if TYPE_CHECKING:
@@ -32,45 +29,10 @@ class AppSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AppVerb(FloorPlanOptions, Verb):
+class AppVerb(AppSettings, FloorPlanOptions, Verb):
     """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
 
     renamed: ClassVar[Mapping[str, str]] = {"--method": "a navigation system is named by --system NAME in all verbs"}
-
-    port: int = 8080
-    """Port on 127.0.0.1; 0 takes any free one."""
-    scene: str = ""
-    """Scene by name (for an unknown name, the error lists all names), or the path of a mesh or a Gibson folder; by
-    default the demo apartment. With --robot, the name of the place in recordings; by default the robot's name."""
-    robot: str | None = None
-    """Drive a robot of your own instead of the simulated one: an installed robot's name, path/to/file.py:factory, or
-    PROFILE@ADDRESS (ROS 2), as in turtlebot4@tcp/192.168.0.7:7447. A recorded drive, such as drive.mcap, is played."""
-    map: Path | None = None
-    """Map to start with; by default the ready-made one in the demo apartment, else an empty one."""
-    recordings: Path = Path("recordings")
-    """Folder in which recordings are saved and found."""
-    system: SystemName = DEFAULT_SYSTEM
-    """Navigation system, ours or another one: it builds maps and drives by them. An opened map sets its own."""
-    predictor: PredictorName = AUTO
-    """Predictor that compares images, by name; auto uses the one that built the map, else the network for the simulated
-    robot and geometric for your own robot with another camera.
-    """
-    weights: Path | None = None
-    """Weights to use instead of the shipped ones."""
-    preset: Literal["robust", "paper"] = "robust"
-    """The method's settings: robust is ours, paper is the literal method."""
-    maintenance: MaintenanceName | None = None
-    """How driving updates the map; by default as in the navigation system. static: not at all; paper, robust: beliefs
-    and pruning as in that preset; brm: BRM's posterior, without pruning; persistent: also the times at which edges are
-    open."""
-    world: str | None = None
-    """Change the scene over time, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
-    all, several of them (doors+moving), or a JSON file with a script."""
-    seed: int = 0
-    """Seed for the robot's start, the odometry noise, and the changes of the world."""
-    body: BodyOption = "auto"
-    stream: int | None = None
-    """Port on 127.0.0.1 at which a Rerun viewer (`ltvn view`) can watch the recording while it is written."""
 
     def run(self) -> AppSummary:
         """Serve the page until interrupted; raises LtvnError."""
@@ -93,26 +55,9 @@ class AppVerb(FloorPlanOptions, Verb):
         from ltvn_viz.session.options import DEMO_SCENE
 
         _LOG.info("Starting the app…")
-        options = AppOptions(
-            port=self.port,
-            scene=self.scene,
-            robot=self.robot,
-            map=self.map,
-            recordings=self.recordings,
-            system=self.system,
-            predictor=self.predictor,
-            weights=self.weights,
-            preset=self.preset,
-            maintenance=self.maintenance,
-            world=self.world,
-            seed=self.seed,
-            body=self.body,
-            stream=announce_stream(self.stream),
-            replay=replay,
-            replay_at_s=at_s,
-            replay_question=ask,
-            floor_plan=laid,
-        )
+        settings = {field.name: getattr(self, field.name) for field in fields(AppSettings)}
+        settings["stream"] = announce_stream(self.stream)
+        options = AppOptions(**settings, replay=replay, replay_at_s=at_s, replay_question=ask, floor_plan=laid)
         run_app(options, say=_LOG.info)
         return AppSummary(self.scene or self.robot or DEMO_SCENE, self.port)
 

@@ -206,7 +206,7 @@ def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[Page
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
         why = DebuggerPanel(gui, ask)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
-    camera = CameraPanel(gui, partial(server.tell, Newest.PICTURE))
+    camera = CameraPanel(gui, partial(server.tell, Newest.PICTURE), partial(server.tell, Newest.LARGER))
 
     # Each page has a stop of its own, which needs no seat.
     server.viser.on_client_connect(lambda client: list_stop(client.gui, partial(server.stop_for, client.client_id)))

@@ -1,7 +1,7 @@
-"""The robot's camera picture beside the map: colour and depth of the pixels that the method uses.
+"""The robot's camera beside the map: a larger picture for people if there is one, and what the method sees.
 
-Owns the encoding of both in one image, so that they always match. The page enlarges them (`static/pictures.js`,
-`static/layout.css`).
+Owns the encoding of the method's colour and depth in one image, so that they always match. The page enlarges them, or
+shows them in a corner of the larger picture (`static/pictures.js`, `static/layout.css`).
 """
 
 import time
@@ -14,7 +14,7 @@ import viser
 from ltvn_core import palette
 from ltvn_core.types import Depth, Rgb
 from ltvn_viz.panels.html_widgets import HtmlBlock
-from ltvn_viz.session.snapshot import CameraImage, ImageSource, Snapshot
+from ltvn_viz.session.snapshot import CameraImage, Snapshot
 
 EMPTY_SIZE = (96, 72)
 """Columns and rows of the placeholder while there is no image."""
@@ -33,17 +33,27 @@ class CameraPanel:
     """Sends the camera picture and its caption."""
 
     def __init__(
-        self, gui: viser.GuiApi, send: Callable[[bytes], None], clock: Callable[[], float] = time.monotonic
+        self,
+        gui: viser.GuiApi,
+        send: Callable[[bytes], None],
+        send_larger: Callable[[bytes], None],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Send each image as a JPEG by `send`; the page copies the caption from the open panel."""
+        """Send each image as a JPEG by `send`, and after a byte 0 the larger one by `send_larger`; the page copies the
+        caption from the open panel."""
         self._send = send
+        self._send_larger = send_larger
+        self._larger = b""
         self._caption = HtmlBlock(gui)
         self._clock = clock
         self.shown: CameraImage | None = None
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the newest image, at most 15 times a second, and only if it differs."""
+        """Show the newest images if they differ, the method's at most 15 times a second."""
+        if snapshot.larger != self._larger:
+            self._larger = snapshot.larger
+            self._send_larger(b"\0" + self._larger)
         if snapshot.camera is self.shown or self._clock() < self._due:
             return
         is_same = _look_the_same(snapshot.camera, self.shown)
@@ -56,7 +66,7 @@ class CameraPanel:
 
 
 def _look_the_same(one: CameraImage | None, other: CameraImage | None) -> bool:
-    if one is None or other is None or one.source is not other.source:
+    if one is None or other is None:
         return one is other
     return np.array_equal(one.rgb, other.rgb) and _same_depth(one.depth, other.depth)
 
@@ -66,15 +76,11 @@ def _same_depth(one: Depth | None, other: Depth | None) -> bool:
 
 
 def caption(view: CameraImage | None) -> str:
-    """Return a description of the image on show."""
+    """Return a description of the method's image."""
     if view is None:
         return ""
-    match view.source:
-        case ImageSource.OBSERVATION:
-            height, width = view.rgb.shape[:2]
-            text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
-        case ImageSource.RENDERED:
-            text = "Drawn larger for you; the method sees a smaller image"
+    height, width = view.rgb.shape[:2]
+    text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
     has_depth = int(view.depth is not None)
     return f'<div class="ltvn-elsewhere" data-ltvn-copy="caption"><span data-depth="{has_depth}">{text}</span></div>'
 

@@ -16,7 +16,6 @@ from ltvn_viz.panels.html_widgets import (
     note,
     number_grid,
     progress_bar,
-    toggle,
     warning,
     with_keys,
 )
@@ -37,7 +36,6 @@ class DrivePanel:
         self.recording = HtmlBlock(gui)
         self.map = HtmlBlock(gui)
         self.counts = HtmlBlock(gui)
-        self.picture = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Enable the controls that are possible now, and show the size of the map."""
@@ -61,14 +59,6 @@ class DrivePanel:
         beside = (cancel,) if is_building else (undo,) if snapshot.can_undo_build and not recorded else ()
         self.map.show(button_row(build, *beside))
         self.counts.show(_counts(snapshot))
-        self.picture.show(_larger_picture(snapshot.shows_larger))
-
-
-def _larger_picture(is_on: bool | None) -> str:
-    """Return the switch for the larger picture, which only a simulator can render."""
-    if is_on is None:
-        return ""
-    return toggle(Action.LARGER_PICTURE, is_on=is_on)
 
 
 def _counts(snapshot: Snapshot) -> str:

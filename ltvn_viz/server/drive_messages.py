@@ -54,6 +54,8 @@ class ViewMessage:
 
     shows_scene: bool
     """Whether it shows the 3D scene, and not the plan view."""
+    shows_camera: bool
+    """Whether it shows what the robot sees."""
 
 
 PageMessage: TypeAlias = DriveMessage | Ask | LinkMessage | ViewMessage | HereMessage
@@ -81,8 +83,8 @@ def parse_message(text: str | bytes) -> PageMessage:
             return Ask(action, _carried(action, value))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
-        case {"type": "view", "scene": bool(shows_scene)} if len(fields) == 2:
-            return ViewMessage(shows_scene)
+        case {"type": "view", "scene": bool(shows_scene), "camera": bool(shows_camera)} if len(fields) == 3:
+            return ViewMessage(shows_scene, shows_camera)
         case {"type": "here"} if len(fields) == 1:
             return HERE
         case _:

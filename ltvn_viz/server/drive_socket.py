@@ -66,7 +66,9 @@ class Newest(Enum):
     """Kinds of messages of which a page needs only the newest; sent in this order."""
 
     PICTURE = auto()
-    """The camera picture, a JPEG."""
+    """What the method sees, a JPEG."""
+    LARGER = auto()
+    """A byte 0, and the larger picture as a JPEG if there is one; sent to pages that show it."""
     MOMENT = auto()
     """The moment on show."""
     ACTIVITY = auto()
@@ -89,7 +91,7 @@ class _Page:
     def __init__(self, client: ClientId, connection: GuardedConnection) -> None:
         self.client = client
         self.connection = connection
-        self.shows_scene = False
+        self.shows = ViewMessage(shows_scene=False, shows_camera=False)
         self._told = ""
         self._unsent: list[str] = []
         self._newest: dict[Newest, str | bytes] = {}
@@ -107,8 +109,9 @@ class _Page:
 
     def tell_newest(self, kind: Newest, message: str | bytes) -> None:
         # A page that stops reading gets only the newest message of each kind.
-        self._newest[kind] = message
-        self._wake.set()
+        if kind is not Newest.LARGER or self.shows.shows_camera:
+            self._newest[kind] = message
+            self._wake.set()
 
     async def send_forever(self) -> None:
         while True:
@@ -191,7 +194,12 @@ class DriveSocket:
     @property
     def shows_scene(self) -> bool:
         """Whether any page shows the 3D scene."""
-        return any(page.shows_scene for page in list(self._pages.values()))
+        return any(page.shows.shows_scene for page in list(self._pages.values()))
+
+    @property
+    def shows_camera(self) -> bool:
+        """Whether any page shows what the robot sees."""
+        return any(page.shows.shows_camera for page in list(self._pages.values()))
 
     def client_of(self, key: str | None) -> ClientId | None:
         """Return the page with a key; None if its drive socket is not open."""
@@ -248,8 +256,10 @@ class DriveSocket:
             case HereMessage():
                 self.presence.hear(page.client)
                 return
-            case ViewMessage(shows_scene):
-                page.shows_scene = shows_scene
+            case ViewMessage():
+                page.shows = message
+                if (larger := self._newest.get(Newest.LARGER)) is not None:
+                    page.tell_newest(Newest.LARGER, larger)
                 return
             case DriveMessage(held, epoch, age_s):
                 self.seat.receive(page.client, held, epoch, age_s)

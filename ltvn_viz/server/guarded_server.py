@@ -159,6 +159,11 @@ class GuardedServer:
         """Whether any page shows the 3D scene."""
         return self._drive.shows_scene
 
+    @property
+    def shows_camera(self) -> bool:
+        """Whether any page shows what the robot sees."""
+        return self._drive.shows_camera
+
     def say_loading(self, step: str) -> None:
         """Show the current loading step on waiting pages. Safe from any thread."""
         self._loading = step

@@ -19,7 +19,7 @@ from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.asked_actions import AskedActions
-from ltvn_viz.session.camera_feed import ImageFeed
+from ltvn_viz.session.camera_feed import LargerFeed, ObservationFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
@@ -112,7 +112,7 @@ class AppState:
     library: RecordingLibrary
     open_replay: Callable[[str], Playback]
     """Reads a recording by its name in the library; runs in the worker's thread."""
-    feed: ImageFeed
+    feed: ObservationFeed
     """Source of the images that the method sees."""
     goals: Goals
     teleop: Teleop
@@ -132,10 +132,10 @@ class AppState:
     work: JobProgress | None = None
     """A job for which the page shows progress; the activity may have its own progress."""
     queries: int = 0
-    larger_feed: ImageFeed | None = None
+    larger_feed: LargerFeed | None = None
     """Renders a larger picture for people; None if it cannot be rendered."""
-    shows_larger: bool = False
-    """Whether the page shows the larger picture."""
+    shows_camera: Callable[[], bool] = lambda: True
+    """Tells whether a page shows the camera."""
     floor: ShownFloor = field(default_factory=ShownFloor)
     """The floor of the map that the page shows."""
     actions: AskedActions = field(default_factory=AskedActions)

@@ -13,6 +13,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import NoReturn
 
+import cv2
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -93,8 +94,10 @@ class AbsentPredictor:
 
 logger = logging.getLogger(__name__)
 
-LARGER_SIZE = (320, 240)
-"""Columns and rows of the larger picture."""
+COARSE, FINE = (320, 240), (640, 480)
+"""Columns and rows of the larger picture, in motion and at rest."""
+_QUALITY = 85
+"""JPEG quality of the larger picture."""
 START_CANDIDATES = 16
 
 
@@ -209,9 +212,14 @@ def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
     renderer = backend.renderer
     if backend.robot is None or renderer is None:
         return None
-    camera = backend.robot.spec.camera.scaled(*LARGER_SIZE)
+    coarse, fine = (backend.robot.spec.camera.scaled(*size) for size in (COARSE, FINE))
     world = backend.world
-    feed = LargerFeed(lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state)
+
+    def render(pose: Pose, is_fine: bool) -> bytes:
+        rgb, _ = renderer.render(pose, fine if is_fine else coarse)
+        return cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))[1].tobytes()
+
+    feed = LargerFeed(render, look=lambda: None if world is None else world.state)
     stack.callback(feed.close)
     return feed
 

@@ -1,41 +1,49 @@
-"""The live camera picture: the image of the method, or a larger one on request.
+"""The live camera picture: the image of the method, and a larger one for people.
 
 A larger picture is rendered in a separate thread, for the newest pose: requests that arrive during rendering replace
-each other and are counted. So the picture never delays driving, and without requests nothing is rendered.
+each other and are counted. So the picture never delays driving, and while no page shows it nothing is rendered.
 """
 
 import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from ltvn_core.robots.robot import Clock
-from ltvn_core.types import Depth, Observation, Pose, Rgb
-from ltvn_viz.session.snapshot import CameraImage, ImageSource
+from ltvn_core.types import Observation, Pose
+from ltvn_viz.session.snapshot import CameraImage
 
 logger = logging.getLogger(__name__)
 
 IMAGES_PER_S = 12.0
+RESTS = 3.0
+"""After each picture the thread rests so many times as long as it computed, so it takes a quarter of a core at most."""
+STILL_S = 0.3
+"""What did not change for so long is rendered once more, finely."""
 
 
-class FeedImage(NamedTuple):
-    """A picture on show and its age."""
+class SeenImage(NamedTuple):
+    """The image of the method and its age."""
 
     image: CameraImage | None
     age_s: float
-    dropped: int
+
+
+class LargerImage(NamedTuple):
+    """The larger picture on show."""
+
+    jpeg: bytes = b""
+    dropped: int = 0
     """Number of pictures that were skipped because a newer one was requested."""
 
 
-class ImageFeed(Protocol):
-    """Pictures of the live camera for the person."""
-
-    def latest_image(self, pose: Pose) -> FeedImage:
-        """Request a picture from `pose` (3,) and return the newest one."""
-        ...
+def image_of(seen: Observation) -> CameraImage:
+    """Return an image as the page shows it, with the robot's own one if that is larger."""
+    own = seen.original
+    return CameraImage(seen.rgb, seen.depth, own.jpeg if own and own.camera.width > seen.rgb.shape[1] else b"")
 
 
 class ObservationFeed:
@@ -47,65 +55,71 @@ class ObservationFeed:
         self._clock = clock
         self._shown: tuple[Observation, CameraImage] | None = None
 
-    def latest_image(self, pose: Pose) -> FeedImage:
-        """Return the newest image; `pose` is ignored."""
+    def latest_image(self) -> SeenImage:
+        """Return the newest image."""
         seen = self._newest()
         if seen is None:
-            return FeedImage(None, 0.0, 0)
+            return SeenImage(None, 0.0)
         if self._shown is None or self._shown[0] is not seen:
-            self._shown = seen, CameraImage(seen.rgb, seen.depth)
-        return FeedImage(self._shown[1], max(0.0, self._clock.now() - seen.stamp), 0)
+            self._shown = seen, image_of(seen)
+        return SeenImage(self._shown[1], max(0.0, self._clock.now() - seen.stamp))
 
 
 class _RenderRequest(NamedTuple):
-    """The pose to render from, and the time of the request."""
+    """The pose to render from."""
 
     pose: Pose
-    when: float
     look: object = None
     """State of the world; a different object means that the picture differs even from the same pose."""
+    is_fine: bool = False
 
     def sees_as(self, other: "_RenderRequest") -> bool:
-        """Tell whether both requests give the same picture."""
+        """Tell whether both requests show the same."""
         return self.look is other.look and np.array_equal(self.pose, other.pose)
 
 
 class LargerFeed:
-    """Renders a larger picture from the newest pose, several times a second."""
+    """Renders a larger picture from the newest pose: coarse and several times a second in motion, fine at rest."""
 
     def __init__(
         self,
-        render: Callable[[Pose], tuple[Rgb, Depth]],
+        render: Callable[[Pose, bool], bytes],
         clock: Callable[[], float] = time.monotonic,
         *,
         look: Callable[[], object] = lambda: None,
     ) -> None:
-        """Start the thread that calls `render`. `look` returns a different object when the world changed."""
+        """Start the thread that calls `render`, which returns a JPEG, fine or not. `look` returns a different object
+        when the world changed."""
         self._render = render
         self._clock = clock
         self._look = look
         self._change = threading.Condition()
         self._wanted: _RenderRequest | None = None
-        self._asked = _RenderRequest(np.full(3, np.nan), float("-inf"))
-        self._shown: tuple[CameraImage | None, _RenderRequest] = (None, self._asked)
-        self._dropped = 0
+        self._asked = self._last = _RenderRequest(np.full(3, np.nan))
+        self._due = self._changed = float("-inf")
+        self._shown = LargerImage()
         self._closing = False
         self._thread = threading.Thread(target=self._draw_forever, name="larger feed", daemon=True)
         self._thread.start()
 
-    def latest_image(self, pose: Pose) -> FeedImage:
-        """Request a picture from `pose` (3,) and return the newest one available."""
+    def latest_image(self, pose: Pose, *, is_shown: bool) -> LargerImage:
+        """Return the newest picture, and request one from `pose` (3,) if a page shows it."""
+        if not is_shown:
+            return self._shown
         now = self._clock()
-        request = _RenderRequest(pose, now, self._look())
+        request = _RenderRequest(pose.copy(), self._look())
+        if not request.sees_as(self._last):
+            self._changed = now
+        self._last = request
+        request = request._replace(is_fine=now - self._changed >= STILL_S)
         with self._change:
-            if now - self._asked.when >= 1 / IMAGES_PER_S and not request.sees_as(self._asked):
-                self._dropped += self._wanted is not None
+            is_new = not request.sees_as(self._asked) or request.is_fine > self._asked.is_fine
+            if is_new and now >= self._due:
+                self._shown = self._shown._replace(dropped=self._shown.dropped + (self._wanted is not None))
                 self._asked = self._wanted = request
+                self._due = now + 1 / IMAGES_PER_S
                 self._change.notify()
-            image, wish = self._shown
-            # While nothing changes, an old picture is as good as a new one.
-            age_s = 0.0 if image is None or request.sees_as(wish) else now - wish.when
-            return FeedImage(image, age_s, self._dropped)
+            return self._shown
 
     def close(self) -> None:
         """End the thread."""
@@ -116,13 +130,16 @@ class LargerFeed:
 
     def _draw_forever(self) -> None:
         while (wish := self._next()) is not None:
+            began = time.thread_time()
             try:
-                image = CameraImage(*self._render(wish.pose), ImageSource.RENDERED)
+                jpeg = self._render(wish.pose, wish.is_fine)
             except Exception:
                 logger.exception("the larger image could not be rendered")
+                self._shown = LargerImage()  # The method's image fills the place.
                 return
             with self._change:
-                self._shown = image, wish
+                self._shown = self._shown._replace(jpeg=jpeg)
+                self._due = max(self._due, self._clock() + RESTS * (time.thread_time() - began))
 
     def _next(self) -> _RenderRequest | None:
         with self._change:

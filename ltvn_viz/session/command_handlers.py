@@ -104,10 +104,6 @@ def _choose_floor(state: AppState, floor: int | None) -> None:
     state.floor.chosen = floor
 
 
-def _show_larger(state: AppState, switch: int) -> None:
-    state.shows_larger = bool(switch)
-
-
 def _close(state: AppState) -> None:
     state.activity = state.teleop
 
@@ -385,7 +381,6 @@ _WITH_VALUE: Mapping[c.Action, Callable[[AppState, Any], None]] = {
     c.Action.PICK_EDGE: _pick_edge,
     c.Action.END_ACTION: lambda state, switch: state.actions.answer(succeeded=bool(switch)),
     c.Action.KEEP_GOING: _keep_going,
-    c.Action.LARGER_PICTURE: _show_larger,
     c.Action.OPEN: lambda state, name: _open(state, c.OpenRecording(name)),
     c.Action.IMPORT: import_source,
     c.Action.SEEK: lambda state, time_ms: seek(state, time_ms / 1000),

@@ -109,24 +109,16 @@ def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     )
 
 
-class ImageSource(StrEnum):
-    """Source of the camera picture on show."""
-
-    OBSERVATION = "observation"
-    """The image that the method uses."""
-    RENDERED = "rendered"
-    """A larger image that the simulator renders only for people."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
-    """The camera's picture for people, of any size."""
+    """What the method sees, of any size."""
 
     rgb: Rgb
     """(H, W, 3) colours."""
     depth: Depth | None
     """(H, W) depth in metres; None if the robot has no depth camera."""
-    source: ImageSource = ImageSource.OBSERVATION
+    original: bytes = b""
+    """The robot's own image as a JPEG, if it differs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,8 +260,8 @@ class Snapshot:
     """Name of the scene to draw."""
     moment: RunMoment = field(default_factory=RunMoment)
     camera: CameraImage | None = None
-    shows_larger: bool | None = None
-    """Whether the picture is a larger one, rendered for people; None if that is not offered."""
+    larger: bytes = b""
+    """A larger image for people, a JPEG; empty if there is none."""
     rates: LoopRates = LoopRates()
     recording: RecordingStatus = RecordingStatus()
     recordings: Mapping[str, str] = field(default_factory=dict)

@@ -13,6 +13,7 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.camera_feed import LargerImage
 from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.floor_plan_clicks import aligning_hint
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
@@ -137,14 +138,16 @@ def _live(state: AppState) -> Snapshot:
         moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
     state.goals.follow(_way(moment.progress))
-    larger = state.larger_feed if state.shows_larger else None
-    feed_image = (larger or state.feed).latest_image(pose)
+    seen = state.feed.latest_image()
+    larger = LargerImage()
+    if state.larger_feed is not None:
+        larger = state.larger_feed.latest_image(pose, is_shown=state.shows_camera())
     return Snapshot(
         scene=state.scene,
         moment=moment,
-        camera=feed_image.image,
-        shows_larger=None if state.larger_feed is None else state.shows_larger,
-        rates=LoopRates(frame_age_ms=1000 * feed_image.age_s, dropped=feed_image.dropped),
+        camera=seen.image,
+        larger=larger.jpeg or (b"" if seen.image is None else seen.image.original),
+        rates=LoopRates(frame_age_ms=1000 * seen.age_s, dropped=larger.dropped),
         selected=state.goals.selected,
         gallery=state.goals.gallery,
         way=state.goals.way,
@@ -170,7 +173,8 @@ def _replayed(replay: Playback) -> Snapshot:
     return Snapshot(
         scene=replay.scene,
         moment=moment,
-        camera=replay.camera(replay.found if moment.frame is None else moment.frame),
+        camera=(camera := replay.camera(replay.found if moment.frame is None else moment.frame)),
+        larger=b"" if camera is None else camera.original,
         replay=replay.name,
         course=replay.course,
         lone_camera=replay.camera_model if replay.is_imported else None,

@@ -58,7 +58,7 @@ function show3d(is3d) {
 }
 
 function tellView() {
-  send({ type: "view", scene: shows3d() });
+  send({ type: "view", scene: shows3d(), camera: !document.hidden && byId("ltvn-pictures").checkVisibility() });
 }
 
 function fit() {
@@ -136,13 +136,14 @@ function showTools() {
   byId("ltvn-follow").setAttribute("aria-pressed", String(isFollowing));
 }
 
-// The columns at the sides fold away, and the camera's grows; the browser remembers it.
+// The columns at the sides fold away; the browser remembers it.
 function showFolds(toggled = "") {
   const folds = new Set(stored(STORED_FOLDS, "").split(" ").filter(Boolean));
   if (toggled !== "" && !folds.delete(toggled)) folds.add(toggled);
   store(STORED_FOLDS, [...folds].join(" "));
   document.documentElement.dataset.ltvnFolds = [...folds].join(" ");
   for (const key of document.querySelectorAll("[data-fold]")) key.setAttribute("aria-pressed", String(folds.has(key.dataset.fold)));
+  tellView();
 }
 
 const TOOLS = {
@@ -177,6 +178,7 @@ function listenToPlan() {
   for (const [id, does] of Object.entries(TOOLS)) byId(id).addEventListener("click", does);
   for (const key of document.querySelectorAll("[data-fold]")) key.addEventListener("click", () => showFolds(key.dataset.fold));
   document.addEventListener("visibilitychange", frameSoon);
+  document.addEventListener("visibilitychange", tellView);
   new ResizeObserver(measurePlan).observe(root);
   showFolds();
   showTools();

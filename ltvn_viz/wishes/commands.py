@@ -64,7 +64,6 @@ class Action(StrEnum):
     PAUSE = "pause"
     STEP = "step"
     KEEP_GOING = "keep_going"
-    LARGER_PICTURE = "larger_picture"
     OPEN = "open"
     IMPORT = "import"
     CLOSE = "close"

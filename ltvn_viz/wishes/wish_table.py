@@ -133,12 +133,6 @@ WISHES: Mapping[Action, Wish] = {
         "for long runs in simulation; otherwise a query pauses as soon as no page is open",
         carries=Carried.SWITCH,
     ),
-    Action.LARGER_PICTURE: Wish(
-        c.ANYWHERE,
-        "Show a larger camera image",
-        "only for people; it costs processor time, and the method still uses the small image",
-        carries=Carried.SWITCH,
-    ),
     Action.OPEN: Wish(c.STANDING, "Open", "open a recording", carries=Carried.TEXT),
     Action.IMPORT: Wish(c.STANDING, "Import", "make a recording of a drive and open it", carries=Carried.TEXT),
     Action.CLOSE: Wish(c.REPLAYING, "Back to the robot", "leave the recording"),

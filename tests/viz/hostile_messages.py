@@ -120,7 +120,7 @@ class HostileMessages:
                             "age": self._random.randrange(2000),
                         },
                         {"type": "link", "query": self._link()},
-                        {"type": "view", "scene": self._random.random() < 0.5},
+                        {"type": "view", "scene": self._random.random() < 0.5, "camera": True},
                         {"type": "here"},
                     )
                 )

@@ -202,13 +202,6 @@ def tries_keeping_going(asking: Asking) -> None:
     asking.ask(Action.KEEP_GOING, 0, lambda now: not now.keeps_going)
 
 
-@fulfils(Action.LARGER_PICTURE)
-def tries_the_larger_picture(asking: Asking) -> None:
-    state = asking.app.harness.state  # The snapshot does not offer the picture where nobody can draw it.
-    asking.ask(Action.LARGER_PICTURE, 1, lambda _now: state.shows_larger)
-    asking.ask(Action.LARGER_PICTURE, 0, lambda _now: not state.shows_larger)
-
-
 @fulfils(Action.IMPORT)
 def tries_import(asking: Asking) -> None:
     asking.hears(Action.IMPORT, "none.mp4", "none.mp4")

@@ -29,6 +29,7 @@ from ltvn_core.readable_text import readable
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import open_system
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
+from ltvn_viz.session.camera_feed import image_of
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
@@ -197,7 +198,7 @@ class Playback:
 
     def _read(self, frame: FrameId | None) -> CameraImage | None:
         seen = None if frame is None else self.observation(frame)
-        return None if seen is None else CameraImage(seen.rgb, seen.depth)
+        return None if seen is None else image_of(seen)
 
 
 def open_replay(library: RecordingLibrary, name: str, choose_method: MethodChoice = lambda _: None) -> Playback:

@@ -29,7 +29,7 @@ def test_the_pixels_of_the_method_are_sent_as_they_are_beside_their_depth(size: 
 def test_what_travels_is_hardly_less_than_the_pixels(gui: viser.GuiApi) -> None:
     sent: list[bytes] = []
     rgb = noise(72, 96)
-    CameraPanel(gui, sent.append).show(Snapshot(camera=CameraImage(rgb, None)))
+    CameraPanel(gui, sent.append, nothing).show(Snapshot(camera=CameraImage(rgb, None)))
     decoded = np.asarray(Image.open(io.BytesIO(sent[0])))[:, :96].astype(int)
     assert np.abs(decoded - rgb).mean() < 4  # Noise is the worst that a JPEG can be given.
 
@@ -46,7 +46,7 @@ def test_near_is_lighter_than_far_and_no_return_is_black() -> None:
 
 def test_the_camera_is_sent_at_most_fifteen_times_a_second(gui: viser.GuiApi) -> None:
     now = [0.0]
-    panel = CameraPanel(gui, nothing, clock=lambda: now[0])
+    panel = CameraPanel(gui, nothing, nothing, clock=lambda: now[0])
     views = [CameraImage(np.full((72, 96, 3), k, np.uint8), np.ones((72, 96), np.float32)) for k in range(30)]
     shown = []
     for view in views:
@@ -59,8 +59,16 @@ def test_the_camera_is_sent_at_most_fifteen_times_a_second(gui: viser.GuiApi) ->
 def test_a_robot_that_stands_before_the_same_is_not_sent_again(gui: viser.GuiApi) -> None:
     sent: list[bytes] = []
     now = [0.0]
-    panel = CameraPanel(gui, sent.append, clock=lambda: now[0])
+    panel = CameraPanel(gui, sent.append, nothing, clock=lambda: now[0])
     for seen in (1, 1, 2, 2, 1):
         now[0] += 1.0
         panel.show(Snapshot(camera=CameraImage(np.full((72, 96, 3), seen, np.uint8), None)))
     assert len(sent) == 3
+
+
+def test_a_larger_picture_is_sent_once_as_it_came_and_its_end_is_told(gui: viser.GuiApi) -> None:
+    sent: list[bytes] = []
+    panel = CameraPanel(gui, nothing, sent.append)
+    for larger in (b"", b"one", b"one", b""):
+        panel.show(Snapshot(larger=larger))
+    assert sent == [b"\0one", b"\0"]

@@ -54,13 +54,3 @@ def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(gui: viser.G
     for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
         panel.show(busy)
         assert not is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
-
-
-def test_a_larger_picture_is_on_offer_only_where_somebody_can_draw_it(gui: viser.GuiApi, snapshot: Snapshot) -> None:
-    drive = DrivePanel(gui)
-    drive.show(replace(snapshot, shows_larger=None))
-    assert drive.picture.content == ""
-    for is_on in (False, True):
-        drive.show(replace(snapshot, shows_larger=is_on))
-        assert f'aria-checked="{str(is_on).lower()}"' in drive.picture.content
-        assert f'data-ltvn-action="{Action.LARGER_PICTURE}" data-id="{int(not is_on)}"' in drive.picture.content

@@ -199,7 +199,7 @@ def test_panels_send_nothing_while_nothing_changes(
         FineTuningPanel(gui),
         NavigationPanel(gui, nothing, "{}?key=k".format),
         ReplayPanel(gui),
-        CameraPanel(gui, nothing),
+        CameraPanel(gui, nothing, nothing),
     ]
     for panel in panels:
         panel.show(snapshot)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import MapError
-from ltvn_core.types import ZERO_TWIST, Depth, Pose, Rgb, Twist
+from ltvn_core.types import ZERO_TWIST, Pose, Twist
 from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes import commands as c
@@ -119,20 +119,20 @@ def test_the_map_grows_while_one_drives(tmp_path: Path) -> None:
 def test_the_newest_pose_wins_in_the_persons_camera() -> None:
     gate, drawn, second = Gate(), [], threading.Event()
 
-    def render(pose: Pose) -> tuple[Rgb, Depth]:
+    def render(pose: Pose, is_fine: bool) -> bytes:
         drawn.append(float(pose[0]))
         if len(drawn) == 1:
             gate()
         else:
             second.set()
-        return np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32)
+        return b""
 
     times = iter(np.arange(0.0, 100.0, 1.0))
     feed = LargerFeed(render, clock=lambda: float(next(times)))
-    feed.latest_image(np.array([0.0, 0, 0]))
+    feed.latest_image(np.array([0.0, 0, 0]), is_shown=True)
     assert gate.entered.wait(PATIENCE_S)
     for x in (1.0, 2.0, 3.0):
-        picture = feed.latest_image(np.array([x, 0, 0]))
+        picture = feed.latest_image(np.array([x, 0, 0]), is_shown=True)
     gate.open.set()
     assert second.wait(PATIENCE_S)
     feed.close()

@@ -99,6 +99,10 @@ def _activity_message(snapshot: Snapshot) -> str:
 
 
 MINUTES = 3
+_ADVANCED = (
+    '<button type="button" class="lt-words" data-ltvn-toggle="advanced" aria-label="advanced settings of the 3D scene">'
+    "Advanced</button>"
+)
 
 
 class FineTuningPanel:
@@ -117,6 +121,7 @@ class FineTuningPanel:
             hint="time for training; preparation and evaluation take additional time",
         )
         self.buttons = HtmlBlock(gui)
+        HtmlBlock(gui, _ADVANCED)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the drive to learn from, the progress, or the result."""

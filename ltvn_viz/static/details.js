@@ -25,6 +25,7 @@ function onToggle(event) {
   const asked = event.target instanceof Element ? event.target.closest("[data-ltvn-toggle]") : null;
   if (asked === null) return;
   if (asked.dataset.ltvnToggle === "glossary") showGlossary();
+  else if (asked.dataset.ltvnToggle === "advanced") toggleViserSettings();
   else document.documentElement.toggleAttribute("data-ltvn-numbers");
 }
 

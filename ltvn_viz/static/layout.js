@@ -136,8 +136,7 @@ function navButton(text, index) {
 function toggleViserSettings() {
   // The last of viser's buttons there; the command palette has one as well.
   [...document.querySelectorAll("[data-ltvn-viser=handle] button")].at(-1)?.click();
-  const button = byId("ltvn-settings");
-  button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+  document.documentElement.toggleAttribute("data-ltvn-advanced");
 }
 
 function showPage() {
@@ -179,7 +178,6 @@ function arrangeSoon() {
 function layOut() {
   byId("root").setAttribute("role", "main");
   byId("ltvn-close").addEventListener("click", closeSheet);
-  byId("ltvn-settings").addEventListener("click", toggleViserSettings);
   const all = { childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["aria-selected"] };
   new MutationObserver(arrangeSoon).observe(byId("root"), all);
   byId("root").addEventListener("transitionend", arrangeSoon);

@@ -17,7 +17,8 @@ function takeAt(px, py) {
   if (found !== null) ask(ASKED[found.kind], found.id);
 }
 
-function placeIn({ clientX, clientY }) {
+function placeIn({ clientX, clientY, pointerType }) {
+  reach = pointerType === "touch" ? FINGER_PX : NEAR_PX;
   const box = byId("ltvn-plan").getBoundingClientRect();
   return [clientX - box.left, clientY - box.top];
 }
@@ -48,7 +49,7 @@ function onPlanUp(event) {
   const isClick = event.type === "pointerup" && pointers.size === 1 && drag !== null && !drag.isMoved;
   pointers.delete(event.pointerId);
   if (pointers.size === 0) drag = null;
-  // A finger does not hover: its first tap spreads what lies at one place, and the next one takes of it.
+  // A finger does not hover: it takes the nearest thing, but where several lie at one place the first tap spreads them.
   if (isClick && (event.pointerType !== "touch" || !overPlan(...placeIn(event)))) takeAt(...placeIn(event));
 }
 
@@ -65,6 +66,7 @@ function overPlan(px, py) {
   const found = nearest(px, py);
   const isOtherBundle = spreadBundle(found, px, py);
   if (isOtherFan || isOtherBundle) sheets.top.redraw();
+  byId("ltvn-plan").dataset.spread = fan.size + bundle.size;
   hover(isOtherBundle ? nearest(px, py) : found, px, py);
   return (isOtherFan && fan.size > 0) || (isOtherBundle && bundle.size > 0);
 }

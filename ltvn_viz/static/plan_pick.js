@@ -2,6 +2,7 @@
 // lies at one place is spread there, so that each can be taken.
 
 const NEAR_PX = 12;
+const FINGER_PX = 24;
 const EDGE_LATER_PX = 2; // A node is taken before an edge that is no nearer than this.
 const MIDDLE = 0.15; // So much of an edge at each end belongs to its nodes.
 const FAN_PX = 24;
@@ -9,12 +10,13 @@ const BUNDLE_PX = 6;
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
 const HELD_PART = 0.3; // An edge that was spread under the pointer counts as nearer than another edge.
-const SAME_PX = 6; // Nodes that are no farther apart stand at one place.
+const SAME_PX = 8; // Nodes that are no farther apart stand at one place.
 const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
 const DOOR_HEIGHT_M = 1.5;
 
 const fan = new Set(); // Nodes at one place whose headings are spread while the pointer is there.
 const bundle = new Map(); // Edges on one line, spread while the pointer is there -> lane, counted from 0.
+let reach = NEAR_PX; // As far as the pointer points, which may be a finger.
 let hovered = null; // What a click would take: { kind, id, distance }.
 
 // Where a point of the floor is on the picture: from above, or in viser's scene, by its camera.
@@ -62,7 +64,7 @@ function nearest(px, py) {
   if (plan.view === null || plan.view.aim !== "") return null;
   let found = null;
   for (const each of candidates(px, py)) {
-    if (each.distance <= NEAR_PX && (found === null || each.distance < found.distance)) found = each;
+    if (each.distance <= reach && (found === null || each.distance < found.distance)) found = each;
   }
   return found;
 }
@@ -70,14 +72,15 @@ function nearest(px, py) {
 // Returns whether other nodes are spread than before.
 function spreadFan(px, py) {
   const away = (id) => Math.hypot(...between(id, px, py));
-  const isStill = [...fan].some((id) => plan.nodes.has(id) && away(id) < FAN_PX + NEAR_PX);
+  const isStill = [...fan].some((id) => plan.nodes.has(id) && away(id) < FAN_PX + reach);
   if (isStill) return false;
   const before = fan.size;
   fan.clear();
   if (shows3d() || hidden.has("nodes")) return before > 0;
-  const near = [...plan.nodes.values()].filter(({ id }) => away(id) < NEAR_PX).sort((a, b) => away(a.id) - away(b.id));
+  const near = [...plan.nodes.values()].filter(({ id }) => away(id) < reach).sort((a, b) => away(a.id) - away(b.id));
   const here = near.filter((node) => isSamePlace(node, near[0]));
-  if (here.length > 1) here.forEach(({ id }) => fan.add(id));
+  const isMeant = reach === NEAR_PX || nearest(px, py)?.kind === "node"; // A finger is for what is nearest to it.
+  if (here.length > 1 && isMeant) here.forEach(({ id }) => fan.add(id));
   return before > 0 || fan.size > 0;
 }
 
@@ -100,9 +103,10 @@ function spreadBundle(found, px, py) {
 // The edges that pass by a point on the picture in the direction of a line.
 function edgesAlong(line, px, py) {
   const found = [];
+  const near = Math.max(NEAR_PX, distanceTo(line, px, py) + 1);
   for (const [key, { source, target }] of plan.edges) {
     const ends = edgeEnds(source, target);
-    if (ends !== null && distanceTo(ends, px, py) < NEAR_PX && isAlong(ends, line)) found.push(key);
+    if (ends !== null && distanceTo(ends, px, py) < near && isAlong(ends, line)) found.push(key);
   }
   return found;
 }

@@ -14,7 +14,7 @@ _SHOW_3D = """
 try { localStorage.setItem("ltvn-view", "3d"); } catch { /* A page without an address of its own. */ }
 """
 _DRAW_SELDOM = """
-requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), 200);
+requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), EVERY_MS);
 cancelAnimationFrame = clearTimeout;
 """
 _DRAW_NOTHING = """
@@ -29,17 +29,17 @@ def show_3d(pages: BrowserContext | Page) -> None:
     pages.add_init_script(_SHOW_3D)
 
 
-def draw_seldom(pages: BrowserContext | Page) -> None:
-    """Let pages that are opened from now on draw five times a second.
+def draw_seldom(pages: BrowserContext | Page, every_ms: int = 200) -> None:
+    """Let pages that are opened from now on draw so seldom, five times a second if nothing else is said.
 
     Without a graphics card the processor draws, which would leave little of it to the tests.
     """
-    pages.add_init_script(_DRAW_SELDOM)
+    pages.add_init_script(_DRAW_SELDOM.replace("EVERY_MS", str(every_ms)))
 
 
-def draw_nothing(pages: BrowserContext | Page) -> None:
+def draw_nothing(pages: BrowserContext | Page, every_ms: int = 200) -> None:
     """Leave the 3D canvas of pages that are opened from now on empty; all else works, the map from above among it."""
-    draw_seldom(pages)
+    draw_seldom(pages, every_ms)
     pages.add_init_script(_DRAW_NOTHING)
 
 

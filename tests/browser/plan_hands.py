@@ -6,6 +6,7 @@ Owns where in the window a thing of the map can be pointed at. What comes of a c
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.app import RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
-from tests.browser.pages import PLAN, is_bare_map, on_screen, wait_until_drawn
+from tests.browser.pages import PLAN, on_screen, wait_until_drawn
 from tests.waiting import until
 
 Point = tuple[float, float]
@@ -34,6 +35,48 @@ LANE_PX, BUNDLE_PX, MOST_BESIDE = 1.5, 6.0, 16
 OUTSIDE = (5.0, 5.0)
 """No place of the map."""
 MOST_SCALE = 590.0
+
+
+NOTE_ASKED = """
+window.asked = null;
+const post = Worker.prototype.postMessage;
+Worker.prototype.postMessage = function (said, ...more) {
+  if (said?.type === "ask") window.asked = [said.message.action, said.message.value];
+  return post.call(this, said, ...more);
+};
+"""
+"""Lets a page note what it asked for last."""
+Asked: TypeAlias = list[object] | None
+_LOOK = """async ([x, y, scale, factor, isWhole]) => {
+  const plan = document.querySelector("#ltvn-plan");
+  const drawn = async () => { do await new Promise((done) => setTimeout(done, 10)); while (!plan.dataset.drawn); };
+  if (isWhole) document.querySelector("#ltvn-whole").click();
+  await drawn();
+  const [eyeX, eyeY, eyeScale] = plan.dataset.eye.split(" ").map(Number);
+  const box = plan.getBoundingClientRect();
+  const [px, py] = [box.x + box.width / 2 + (x - eyeX) * eyeScale, box.y + box.height / 2 - (y - eyeY) * eyeScale];
+  const corners = [[-50, -50], [-50, 50], [50, -50], [50, 50]];
+  if (!corners.every(([dx, dy]) => document.elementFromPoint(px + dx, py + dy) === plan)) return false;
+  if (scale > eyeScale) {
+    const deltaY = -Math.log(scale / eyeScale) / Math.log(factor);
+    plan.dispatchEvent(new WheelEvent("wheel", { clientX: px, clientY: py, deltaY, cancelable: true }));
+    await drawn();
+  }
+  return true;
+}"""
+_POINT = """([points, about]) => {
+  const [plan, card] = [document.querySelector("#ltvn-plan"), document.querySelector("#ltvn-card")];
+  const seen = [];
+  for (const [clientX, clientY] of points) {
+    const isInside = document.elementFromPoint(clientX, clientY) === plan;
+    const kind = isInside ? "pointermove" : "pointerleave";
+    plan.dispatchEvent(new PointerEvent(kind, { clientX, clientY, pointerType: "mouse", pointerId: 1 }));
+    seen.push(isInside ? card.dataset.about : "");
+    if (seen.at(-1) === about) break;
+  }
+  return seen;
+}"""
+_SPREAD = "Number(document.querySelector('#ltvn-plan').dataset.spread) > 0"
 
 
 @dataclass(frozen=True)
@@ -70,17 +113,11 @@ class PlanHands:
 
     def look_at(self, place: NDArray[np.float64], scale: float) -> None:
         """Show the whole floor, and grow a place (2,) in metres by the wheel to so many pixels a metre."""
-        self.show_whole()
-        point = on_screen(self.page, *place)
-        while not all(is_bare_map(self.page, (point[0] + x, point[1] + y)) for x in (-50, 50) for y in (-50, 50)):
-            self.drag_towards_middle(point)
-            point = on_screen(self.page, *place)
-        self.page.mouse.move(*point)
         wanted = min(scale, MOST_SCALE)
-        if wanted > self.scale:
-            self.page.mouse.wheel(0, -math.log(wanted / self.scale) / math.log(WHEEL))
-            until(lambda: self.scale > 0.98 * wanted)
-            wait_until_drawn(self.page)
+        is_free = self.page.evaluate(_LOOK, [*map(float, place), wanted, WHEEL, True])
+        while not is_free:
+            self.drag_towards_middle(on_screen(self.page, *place))
+            is_free = self.page.evaluate(_LOOK, [*map(float, place), wanted, WHEEL, False])
 
     def drag_towards_middle(self, point: Point) -> None:
         """Drag the map so that what is at a point comes nearer to the middle."""
@@ -100,13 +137,11 @@ class PlanHands:
         away = np.hypot(*(np.array([pose[:2] for pose in poses.values()]) - poses[node][:2]).T)
         self.look_at(poses[node][:2], APART_PX / float(away[away > SAME_M].min()))
 
-    def points_of_node(self, node: NodeId) -> Iterator[Point]:
-        """Return points where a person would point at a node, whose heading one sees; the pointer moves there first."""
+    def points_of_node(self, node: NodeId) -> list[Point]:
+        """Return points where a person would point at a node, whose heading one sees; the pointer is there first."""
         x, y, yaw = map(float, self.poses[node])
         px, py = on_screen(self.page, x, y)
-        self.page.mouse.move(px, py)
-        for reach in TICKS_PX:
-            yield px + reach * math.cos(yaw), py - reach * math.sin(yaw)
+        return [(px, py), *((px + reach * math.cos(yaw), py - reach * math.sin(yaw)) for reach in TICKS_PX)]
 
     def is_crowded(self, node: NodeId) -> bool:
         """Tell whether several nodes stand at the place of one."""
@@ -120,42 +155,53 @@ class PlanHands:
         start, end = (self.poses[node][:2] for node in edge)
         return self.look_at((start + end) / 2, SPANS_PX / float(np.hypot(*(end - start))))
 
-    def points_of_edge(self, edge: EdgeKey) -> Iterator[Point]:
+    def points_of_edge(self, edge: EdgeKey) -> list[Point]:
         """Return points along an edge, to the right of the line between its nodes.
 
         The pointer moves there first: what lies at one place is spread where the pointer is.
         """
         start, end = (np.array(on_screen(self.page, *map(float, self.poses[node][:2]))) for node in edge)
         if self.is_turn(edge):
-            self.page.mouse.move(*start)
             yaws = [float(self.poses[node][2]) for node in edge]
             tips = [start + TICKS_PX[0] * np.array([math.cos(yaw), -math.sin(yaw)]) for yaw in yaws]
-            return along(tips[0], tips[1], 0)
-        return self._points_in_lanes(start, end)
-
-    def _points_in_lanes(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> Iterator[Point]:
-        for lanes in zip(*(along(start, end, lane) for lane in range(MOST_BESIDE)), strict=True):
-            self.page.mouse.move(*OUTSIDE)  # Nothing is spread any more.
-            yield from lanes
+            return [(float(start[0]), float(start[1])), *along(tips[0], tips[1], 0)]
+        lanes = zip(*(along(start, end, lane) for lane in range(MOST_BESIDE)), strict=True)
+        return [point for lane in lanes for point in (*lane, OUTSIDE)]  # Outside, nothing is spread any more.
 
     def is_turn(self, edge: EdgeKey) -> bool:
         """Tell whether an edge joins two headings at one place."""
         return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) < SAME_M
 
-    def point_at(self, about: str, points: Iterator[Point]) -> Point:
-        """Move the pointer until the page says that a thing is below it, and return where that is."""
-        seen: list[str] = []
-        for point in points:
-            self.page.mouse.move(*point)
-            seen.append(self.about)
-            if seen[-1] == about:
-                return point
-        raise AssertionError(f"nowhere is {about} under the pointer, but {seen}")
+    def point_at(self, about: str, points: list[Point]) -> Point:
+        """Move a pointer until the page says that a thing is below it, and return where that is."""
+        seen = self.page.evaluate(_POINT, [points, about])
+        assert seen[-1] == about, f"nowhere is {about} under the pointer, but {seen}"
+        return points[len(seen) - 1]
+
+    def about_at(self, point: Point) -> str:
+        """Return what is under a pointer at a point."""
+        return self.page.evaluate(_POINT, [[point], "-"])[0]
 
     def take(self, point: Point, took_effect: Callable[[], bool]) -> None:
         """Click once, and wait for what comes of it."""
         self.page.mouse.click(*point)
         until(took_effect, patience_s=20.0)
+
+    def tap(self, first: Point, point: Point) -> list[Asked]:
+        """Tap a place and, where that spread several things of one place, the point where the wanted one is now.
+
+        Returns what the page asked for at each tap.
+        """
+        is_spread = self.page.evaluate(_SPREAD)
+        self.page.mouse.move(*OUTSIDE)
+        until(lambda: self.about == "", patience_s=20.0)
+        taps = (first, point) if is_spread else (point,)
+        return [self._asked_by_tap(*each) for each in taps]
+
+    def _asked_by_tap(self, x: float, y: float) -> Asked:
+        self.page.evaluate("window.asked = null")
+        self.page.touchscreen.tap(x, y)
+        return self.page.evaluate("window.asked")
 
 
 def along(start: NDArray[np.float64], end: NDArray[np.float64], beside: int) -> Iterator[Point]:

@@ -195,18 +195,23 @@ def test_every_tab_can_be_reached_and_a_sheet_be_closed_again(
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_the_settings_of_the_view_open_and_close_without_a_finding(page: Page, scheme: Scheme) -> None:
+def test_the_settings_of_the_3d_scene_stay_behind_advanced_and_open_and_close_without_a_finding(
+    page: Page, scheme: Scheme
+) -> None:
     resize(page, 1400, 900)
     ask_for(page, scheme)
-    settings = page.get_by_role("button", name="settings of the view")
-    settings.click()
+    open_tab(page, "Drive")
+    close = page.get_by_role("button", name="close the advanced settings")
+    expect(close).to_be_hidden()
+    page.get_by_role("button", name="advanced settings of the 3D scene").click()
     expect(page.get_by_role("button", name="Reset View")).to_be_visible()
     expect(page.get_by_text("Orbit Origin Tool")).to_be_visible()
     for unneeded in ("Dev Settings", "WorldAxes"):
         expect(page.get_by_text(unneeded)).to_be_hidden()
     assert findings(page) == []
-    settings.click()
+    close.click()
     expect(page.get_by_role("tab", name="Drive")).to_be_visible()
+    expect(close).to_be_hidden()
 
 
 def test_a_telephone_on_its_side_shows_a_row_of_goals(page: Page) -> None:
@@ -278,7 +283,7 @@ def test_the_keyboard_reaches_every_control(page: Page) -> None:
         page.keyboard.press("Tab")
         reached.append(page.evaluate(_NAME_IN_FOCUS))
     names = " | ".join(reached)
-    wanted = ("show or hide the keys", "settings of the view", "Drive", "Record", "Rebuild the map")
+    wanted = ("show or hide the keys", "Drive", "Record", "Rebuild the map", "advanced settings")
     assert [name for name in wanted if name not in names] == []
 
 

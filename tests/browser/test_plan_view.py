@@ -17,7 +17,7 @@ from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.wishes import commands as c
 from tests.browser.actions import wait_for_rest
 from tests.browser.pages import PLAN, draw_nothing, on_screen, wait_until_drawn
-from tests.browser.plan_hands import OUTSIDE, PlanHands
+from tests.browser.plan_hands import NOTE_ASKED, Asked, PlanHands
 from tests.browser.running_app import running_app
 from tests.repository import DEMO_MAP
 from tests.waiting import PATIENCE_MS, until
@@ -26,6 +26,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 COUNT = 50
 TOUCHED = 8
+FAR_PX = 18.0
 SEED = 7
 COUNT_STROKES = """
 window.strokes = 0;
@@ -51,7 +52,8 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
 @pytest.fixture(scope="module")
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
     window = chromium.new_context(viewport={"width": 1280, "height": 800}, has_touch=True)
-    draw_nothing(window)
+    draw_nothing(window, every_ms=30)
+    window.add_init_script(NOTE_ASKED)
     page = window.new_page()
     page.set_default_timeout(PATIENCE_MS)
     page.goto(app.server.url)
@@ -85,37 +87,45 @@ def selected_edge(app: RunningApp) -> EdgeKey | None:
     return app.session.state.debugger.shown.selection.edge
 
 
-def test_any_node_is_taken_by_the_first_click(app: RunningApp, hands: PlanHands) -> None:
+def test_any_node_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, hands: PlanHands) -> None:
+    """A finger takes at once what stands alone; what shares a place with others, at the second tap."""
     ask_by_hand(app)
     for node in random.Random(SEED).sample(sorted(hands.poses), COUNT):
         hands.look_at_node(node)
-        point = hands.point_at(f"node {node}", hands.points_of_node(node))
+        points = hands.points_of_node(node)
+        point = hands.point_at(f"node {node}", points)
         hands.take(point, lambda node=node: selected_node(app) == node)
+        taps = hands.tap(points[0], point)
+        assert taps[-1] == ["pick", node], f"node {node}: {taps}"
+        assert len(taps) == 1 or (hands.is_crowded(node) and taps[0] is None), f"node {node}: {taps}"
 
 
-def test_any_edge_is_taken_by_the_first_click(app: RunningApp, hands: PlanHands) -> None:
+def test_any_edge_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, hands: PlanHands) -> None:
     ask_by_hand(app)
     for edge in random.Random(SEED).sample(hands.edges, COUNT):
         hands.look_at_edge(edge)
-        point = hands.point_at("edge {},{}".format(*edge), hands.points_of_edge(edge))
+        points = hands.points_of_edge(edge)
+        point = hands.point_at("edge {},{}".format(*edge), points)
         hands.take(point, lambda edge=edge: selected_edge(app) == edge)
+        taps = hands.tap(points[0], point)
+        assert taps[-1] == ["pick_edge", list(edge)], f"edge {edge}: {taps}"
+        assert len(taps) == 1 or taps[0] is None, f"edge {edge}: {taps}"
 
 
-def test_nodes_and_edges_are_taken_by_a_finger_at_the_second_tap_where_several_lie_at_one_place(
-    app: RunningApp, page: Page, hands: PlanHands
-) -> None:
+def test_a_finger_beside_a_node_that_stands_alone_takes_it(app: RunningApp, hands: PlanHands) -> None:
+    """A mouse so far away points at nothing."""
     ask_by_hand(app)
-    for node in random.Random(SEED).sample(sorted(hands.poses), TOUCHED):
+    beside: list[list[Asked]] = []
+    for node in random.Random(SEED).sample(
+        [each for each in sorted(hands.poses) if not hands.is_crowded(each)], TOUCHED
+    ):
         hands.look_at_node(node)
-        point = hands.point_at(f"node {node}", hands.points_of_node(node))
-        page.mouse.move(*OUTSIDE)
-        until(lambda: hands.about == "", patience_s=20.0)
-        middle = on_screen(page, *hands.poses[node][:2])
-        if hands.is_crowded(node):
-            page.touchscreen.tap(*middle)
-            until(lambda: hands.about.startswith("node "), patience_s=20.0)
-        page.touchscreen.tap(*point)
-        until(lambda node=node: selected_node(app) == node, patience_s=20.0)
+        x, y = hands.points_of_node(node)[0]
+        around = [(x + FAR_PX * math.cos(turn), y + FAR_PX * math.sin(turn)) for turn in np.arange(0.0, 6.28, 0.2)]
+        if (bare := next((each for each in around if hands.about_at(each) == ""), None)) is not None:
+            beside.append([["pick", node], *hands.tap(bare, bare)])
+    assert beside
+    assert all(wanted == taken for wanted, taken in beside)
 
 
 def pixels(page: Page) -> np.ndarray:
@@ -213,7 +223,7 @@ def test_a_click_on_a_door_closes_it_and_another_one_opens_it(app: RunningApp, h
     for is_open in (False, True):
         hands.look_at(np.array([door.x, door.y]), 150)
         point = on_screen(hands.page, door.x, door.y)
-        hands.point_at(f"door {door.door}", iter([point]))
+        hands.point_at(f"door {door.door}", [point])
         hands.take(point, lambda is_open=is_open: world.view.doors[0].is_open == is_open)
 
 

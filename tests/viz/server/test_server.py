@@ -28,7 +28,7 @@ from ltvn_viz.server.index_page import SCRIPTS, STATIC, mended
 from ltvn_viz.server.requests import REFUSED_CODE, Proof
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX, SavedFiles
 from tests.viz.page_sockets import CAMERA, proof
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, until
 
 THUMB = b"\xff\xd8 a picture"
 
@@ -267,6 +267,23 @@ def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(
     with open_socket(server, "/drive") as late:
         said = [late.recv(timeout=PATIENCE_S) for _ in range(2)]
     assert b"a jpeg" in said
+
+
+def test_the_larger_picture_is_sent_to_pages_that_show_the_camera_and_to_no_others(server: GuardedServer) -> None:
+    def pictures(page: Connection) -> Iterator[bytes]:
+        return (said for said in iter(lambda: page.recv(timeout=PATIENCE_S), None) if isinstance(said, bytes))
+
+    with open_socket(server, "/drive") as showing, open_socket(server, "/drive") as folded:
+        for page, shows in ((showing, True), (folded, False)):
+            page.send(json.dumps({"type": "view", "scene": False, "camera": shows}))
+        until(lambda: server.shows_camera)
+        server.tell(Newest.LARGER, b"\0larger")
+        server.tell(Newest.PICTURE, b"a jpeg")
+        assert {next(pictures(showing)) for _ in range(2)} == {b"a jpeg", b"\0larger"}
+        assert next(pictures(folded)) == b"a jpeg"
+        folded.send(json.dumps({"type": "view", "scene": False, "camera": True}))
+        assert next(pictures(folded)) == b"\0larger"
+    until(lambda: not server.shows_camera)
 
 
 def test_no_part_of_the_page_s_script_replaces_a_function_of_another_part() -> None:

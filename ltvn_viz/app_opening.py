@@ -307,7 +307,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     """Open everything behind the page of a server, to be closed by `stack`, and draw it there. Raises LtvnError."""
     thumbnails = ThumbnailStore()
     state = open_app_state(options, stack, thumbnails, server.say_loading)
-    state.shows_camera = lambda: server.shows_camera
+    state.shows_camera = lambda: server.shown.shows_camera
     server.say_loading("Building the panels…")
     server.add_route("/thumb/", thumbnails.get)
     server.add_route("/seen/", lambda frame: node_picture(state.shown_observation, frame))

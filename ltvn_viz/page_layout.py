@@ -181,7 +181,7 @@ def build_layout(
     plan_view = PlanView(server.tell, assets.scene_picture, assets.robot, floor)
     server.add_route("/map/", plan_view.changes.since, ending="json")
     server.add_route("/floor/", plan_view.picture, ending="bin")
-    scene = WhenShown(_layers(server.scene, assets), lambda: server.shows_scene)
+    scene = WhenShown(_layers(server.scene, assets), lambda: server.shown.shows_scene)
     return [plan_view, *_panels(server, send), scene]
 
 

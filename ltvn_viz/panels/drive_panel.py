@@ -100,8 +100,7 @@ def _activity_message(snapshot: Snapshot) -> str:
 
 MINUTES = 3
 _ADVANCED = (
-    '<button type="button" class="lt-words" data-ltvn-toggle="advanced" aria-label="advanced settings of the 3D scene">'
-    "Advanced</button>"
+    '<button type="button" class="lt-words" data-ltvn-toggle="advanced">Advanced settings of the 3D scene</button>'
 )
 
 

@@ -192,14 +192,10 @@ class DriveSocket:
             await asyncio.gather(sender, return_exceptions=True)
 
     @property
-    def shows_scene(self) -> bool:
-        """Whether any page shows the 3D scene."""
-        return any(page.shows.shows_scene for page in list(self._pages.values()))
-
-    @property
-    def shows_camera(self) -> bool:
-        """Whether any page shows what the robot sees."""
-        return any(page.shows.shows_camera for page in list(self._pages.values()))
+    def shown(self) -> ViewMessage:
+        """What any page shows."""
+        shown = [page.shows for page in list(self._pages.values())]
+        return ViewMessage(any(each.shows_scene for each in shown), any(each.shows_camera for each in shown))
 
     def client_of(self, key: str | None) -> ClientId | None:
         """Return the page with a key; None if its drive socket is not open."""

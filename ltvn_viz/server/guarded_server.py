@@ -33,7 +33,7 @@ from websockets.http11 import Request, Response
 
 from ltvn_core.errors import ServerError
 from ltvn_viz.server import page_messages
-from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
+from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES, ViewMessage
 from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket, Newest
 from ltvn_viz.server.driver_seat import HERE_LEASE_S, ClientId, DriverSeat, Presence
 from ltvn_viz.server.index_page import IndexPage
@@ -155,14 +155,9 @@ class GuardedServer:
         self._drive.tell_newest(kind, message)
 
     @property
-    def shows_scene(self) -> bool:
-        """Whether any page shows the 3D scene."""
-        return self._drive.shows_scene
-
-    @property
-    def shows_camera(self) -> bool:
-        """Whether any page shows what the robot sees."""
-        return self._drive.shows_camera
+    def shown(self) -> ViewMessage:
+        """What any page shows."""
+        return self._drive.shown
 
     def say_loading(self, step: str) -> None:
         """Show the current loading step on waiting pages. Safe from any thread."""

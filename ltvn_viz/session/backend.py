@@ -96,8 +96,6 @@ logger = logging.getLogger(__name__)
 
 COARSE, FINE = (320, 240), (640, 480)
 """Columns and rows of the larger picture, in motion and at rest."""
-_QUALITY = 85
-"""JPEG quality of the larger picture."""
 START_CANDIDATES = 16
 
 
@@ -217,7 +215,7 @@ def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
 
     def render(pose: Pose, is_fine: bool) -> bytes:
         rgb, _ = renderer.render(pose, fine if is_fine else coarse)
-        return cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))[1].tobytes()
+        return cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, 85))[1].tobytes()
 
     feed = LargerFeed(render, look=lambda: None if world is None else world.state)
     stack.callback(feed.close)

@@ -19,17 +19,8 @@ from ltvn_viz.session.snapshot import CameraImage
 logger = logging.getLogger(__name__)
 
 IMAGES_PER_S = 12.0
-RESTS = 3.0
-"""After each picture the thread rests so many times as long as it computed, so it takes a quarter of a core at most."""
-STILL_S = 0.3
-"""What did not change for so long is rendered once more, finely."""
-
-
-class SeenImage(NamedTuple):
-    """The image of the method and its age."""
-
-    image: CameraImage | None
-    age_s: float
+RESTS = 3.0  # After each picture, times as long as it was computed: at most a quarter of a core is taken.
+STILL_S = 0.3  # What did not change for so long is rendered once more, finely.
 
 
 class LargerImage(NamedTuple):
@@ -55,22 +46,19 @@ class ObservationFeed:
         self._clock = clock
         self._shown: tuple[Observation, CameraImage] | None = None
 
-    def latest_image(self) -> SeenImage:
-        """Return the newest image."""
+    def latest_image(self) -> tuple[CameraImage | None, float]:
+        """Return the newest image and its age in seconds."""
         seen = self._newest()
         if seen is None:
-            return SeenImage(None, 0.0)
+            return None, 0.0
         if self._shown is None or self._shown[0] is not seen:
             self._shown = seen, image_of(seen)
-        return SeenImage(self._shown[1], max(0.0, self._clock.now() - seen.stamp))
+        return self._shown[1], max(0.0, self._clock.now() - seen.stamp)
 
 
 class _RenderRequest(NamedTuple):
-    """The pose to render from."""
-
     pose: Pose
-    look: object = None
-    """State of the world; a different object means that the picture differs even from the same pose."""
+    look: object = None  # Of the world; a different object means that the picture differs even from the same pose.
     is_fine: bool = False
 
     def sees_as(self, other: "_RenderRequest") -> bool:

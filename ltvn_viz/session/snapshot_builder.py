@@ -138,16 +138,16 @@ def _live(state: AppState) -> Snapshot:
         moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
     state.goals.follow(_way(moment.progress))
-    seen = state.feed.latest_image()
+    seen, age_s = state.feed.latest_image()
     larger = LargerImage()
     if state.larger_feed is not None:
         larger = state.larger_feed.latest_image(pose, is_shown=state.shows_camera())
     return Snapshot(
         scene=state.scene,
         moment=moment,
-        camera=seen.image,
-        larger=larger.jpeg or (b"" if seen.image is None else seen.image.original),
-        rates=LoopRates(frame_age_ms=1000 * seen.age_s, dropped=larger.dropped),
+        camera=seen,
+        larger=larger.jpeg or (b"" if seen is None else seen.original),
+        rates=LoopRates(frame_age_ms=1000 * age_s, dropped=larger.dropped),
         selected=state.goals.selected,
         gallery=state.goals.gallery,
         way=state.goals.way,

@@ -66,7 +66,6 @@ function overPlan(px, py) {
   const found = nearest(px, py);
   const isOtherBundle = spreadBundle(found, px, py);
   if (isOtherFan || isOtherBundle) sheets.top.redraw();
-  byId("ltvn-plan").dataset.spread = fan.size + bundle.size;
   hover(isOtherBundle ? nearest(px, py) : found, px, py);
   return (isOtherFan && fan.size > 0) || (isOtherBundle && bundle.size > 0);
 }

@@ -76,7 +76,6 @@ _POINT = """([points, about]) => {
   }
   return seen;
 }"""
-_SPREAD = "Number(document.querySelector('#ltvn-plan').dataset.spread) > 0"
 
 
 @dataclass(frozen=True)
@@ -187,16 +186,21 @@ class PlanHands:
         self.page.mouse.click(*point)
         until(took_effect, patience_s=20.0)
 
-    def tap(self, first: Point, point: Point) -> list[Asked]:
-        """Tap a place and, where that spread several things of one place, the point where the wanted one is now.
+    def tap(self, wanted: Asked, *places: Point) -> list[Asked]:
+        """Tap the first of some places where nothing else is nearer; where that spread several, the last one too.
 
-        Returns what the page asked for at each tap.
+        Returns what the page asked for at each of these one or two taps.
         """
-        is_spread = self.page.evaluate(_SPREAD)
-        self.page.mouse.move(*OUTSIDE)
-        until(lambda: self.about == "", patience_s=20.0)
-        taps = (first, point) if is_spread else (point,)
-        return [self._asked_by_tap(*each) for each in taps]
+        asked: Asked = None
+        for place in places:
+            self.page.mouse.move(*OUTSIDE)  # Nothing is spread any more.
+            until(lambda: self.about == "", patience_s=20.0)
+            asked = self._asked_by_tap(*place)
+            if asked is None:
+                return [None, self._asked_by_tap(*places[-1])]
+            if asked == wanted:
+                return [asked]
+        return [asked]
 
     def _asked_by_tap(self, x: float, y: float) -> Asked:
         self.page.evaluate("window.asked = null")

@@ -2,8 +2,10 @@
 
 import io
 import math
+import os
 import random
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +26,8 @@ from tests.waiting import PATIENCE_MS, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
+MAP = Path(os.environ.get("LTVN_PLAN_MAP", DEMO_MAP))
+"""The variable names another map, such as that of a larger house, for the tests of nodes and edges."""
 COUNT = 50
 TOUCHED = 8
 FAR_PX = 18.0
@@ -44,7 +48,7 @@ REST_MS = 3000
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
-    options = AppOptions(port=0, map=DEMO_MAP, recordings=tmp_path_factory.mktemp("recordings"), seed=1)
+    options = AppOptions(port=0, map=MAP, recordings=tmp_path_factory.mktemp("recordings"), seed=1)
     with running_app(options) as app:
         yield app
 
@@ -95,7 +99,7 @@ def test_any_node_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, h
         points = hands.points_of_node(node)
         point = hands.point_at(f"node {node}", points)
         hands.take(point, lambda node=node: selected_node(app) == node)
-        taps = hands.tap(points[0], point)
+        taps = hands.tap(["pick", node], points[0], point)
         assert taps[-1] == ["pick", node], f"node {node}: {taps}"
         assert len(taps) == 1 or (hands.is_crowded(node) and taps[0] is None), f"node {node}: {taps}"
 
@@ -107,7 +111,7 @@ def test_any_edge_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, h
         points = hands.points_of_edge(edge)
         point = hands.point_at("edge {},{}".format(*edge), points)
         hands.take(point, lambda edge=edge: selected_edge(app) == edge)
-        taps = hands.tap(points[0], point)
+        taps = hands.tap(["pick_edge", list(edge)], points[0], point)
         assert taps[-1] == ["pick_edge", list(edge)], f"edge {edge}: {taps}"
         assert len(taps) == 1 or taps[0] is None, f"edge {edge}: {taps}"
 
@@ -123,7 +127,7 @@ def test_a_finger_beside_a_node_that_stands_alone_takes_it(app: RunningApp, hand
         x, y = hands.points_of_node(node)[0]
         around = [(x + FAR_PX * math.cos(turn), y + FAR_PX * math.sin(turn)) for turn in np.arange(0.0, 6.28, 0.2)]
         if (bare := next((each for each in around if hands.about_at(each) == ""), None)) is not None:
-            beside.append([["pick", node], *hands.tap(bare, bare)])
+            beside.append([["pick", node], *hands.tap(["pick", node], bare)])
     assert beside
     assert all(wanted == taken for wanted, taken in beside)
 

@@ -276,14 +276,14 @@ def test_the_larger_picture_is_sent_to_pages_that_show_the_camera_and_to_no_othe
     with open_socket(server, "/drive") as showing, open_socket(server, "/drive") as folded:
         for page, shows in ((showing, True), (folded, False)):
             page.send(json.dumps({"type": "view", "scene": False, "camera": shows}))
-        until(lambda: server.shows_camera)
+        until(lambda: server.shown.shows_camera)
         server.tell(Newest.LARGER, b"\0larger")
         server.tell(Newest.PICTURE, b"a jpeg")
         assert {next(pictures(showing)) for _ in range(2)} == {b"a jpeg", b"\0larger"}
         assert next(pictures(folded)) == b"a jpeg"
         folded.send(json.dumps({"type": "view", "scene": False, "camera": True}))
         assert next(pictures(folded)) == b"\0larger"
-    until(lambda: not server.shows_camera)
+    until(lambda: not server.shown.shows_camera)
 
 
 def test_no_part_of_the_page_s_script_replaces_a_function_of_another_part() -> None:

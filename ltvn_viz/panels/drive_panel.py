@@ -99,9 +99,7 @@ def _activity_message(snapshot: Snapshot) -> str:
 
 
 MINUTES = 3
-_ADVANCED = (
-    '<button type="button" class="lt-words" data-ltvn-toggle="advanced">Advanced settings of the 3D scene</button>'
-)
+_ADVANCED = '<button type="button" class="lt-words" data-ltvn-toggle="advanced">Advanced: the 3D scene</button>'
 
 
 class FineTuningPanel:

@@ -139,9 +139,8 @@ def _live(state: AppState) -> Snapshot:
     state.goals.refresh(moment.graph)
     state.goals.follow(_way(moment.progress))
     seen, age_s = state.feed.latest_image()
-    larger = LargerImage()
-    if state.larger_feed is not None:
-        larger = state.larger_feed.latest_image(pose, is_shown=state.shows_camera())
+    feed = state.larger_feed
+    larger = LargerImage() if feed is None else feed.latest_image(pose, is_shown=state.shows_camera())
     return Snapshot(
         scene=state.scene,
         moment=moment,

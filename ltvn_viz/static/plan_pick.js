@@ -79,8 +79,7 @@ function spreadFan(px, py) {
   if (shows3d() || hidden.has("nodes")) return before > 0;
   const near = [...plan.nodes.values()].filter(({ id }) => away(id) < reach).sort((a, b) => away(a.id) - away(b.id));
   const here = near.filter((node) => isSamePlace(node, near[0]));
-  const isMeant = reach === NEAR_PX || nearest(px, py)?.kind === "node"; // A finger is for what is nearest to it.
-  if (here.length > 1 && isMeant) here.forEach(({ id }) => fan.add(id));
+  if (here.length > 1 && (reach === NEAR_PX || nearest(px, py)?.kind === "node")) here.forEach(({ id }) => fan.add(id));
   return before > 0 || fan.size > 0;
 }
 
@@ -103,10 +102,9 @@ function spreadBundle(found, px, py) {
 // The edges that pass by a point on the picture in the direction of a line.
 function edgesAlong(line, px, py) {
   const found = [];
-  const near = Math.max(NEAR_PX, distanceTo(line, px, py) + 1);
   for (const [key, { source, target }] of plan.edges) {
     const ends = edgeEnds(source, target);
-    if (ends !== null && distanceTo(ends, px, py) < near && isAlong(ends, line)) found.push(key);
+    if (ends !== null && distanceTo(ends, px, py) < Math.max(NEAR_PX, distanceTo(line, px, py) + 1) && isAlong(ends, line)) found.push(key);
   }
   return found;
 }

@@ -177,8 +177,7 @@ function listenToPlan() {
   addEventListener("click", onSceneClick, true);
   for (const [id, does] of Object.entries(TOOLS)) byId(id).addEventListener("click", does);
   for (const key of document.querySelectorAll("[data-fold]")) key.addEventListener("click", () => showFolds(key.dataset.fold));
-  document.addEventListener("visibilitychange", frameSoon);
-  document.addEventListener("visibilitychange", tellView);
+  for (const does of [frameSoon, tellView]) document.addEventListener("visibilitychange", does);
   new ResizeObserver(measurePlan).observe(root);
   showFolds();
   showTools();

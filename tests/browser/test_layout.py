@@ -203,7 +203,7 @@ def test_the_settings_of_the_3d_scene_stay_behind_advanced_and_open_and_close_wi
     open_tab(page, "Drive")
     close = page.get_by_role("button", name="close the advanced settings")
     expect(close).to_be_hidden()
-    page.get_by_role("button", name="Advanced settings of the 3D scene").click()
+    page.get_by_role("button", name="Advanced: the 3D scene").click()
     expect(page.get_by_role("button", name="Reset View")).to_be_visible()
     expect(page.get_by_text("Orbit Origin Tool")).to_be_visible()
     for unneeded in ("Dev Settings", "WorldAxes"):
@@ -283,7 +283,7 @@ def test_the_keyboard_reaches_every_control(page: Page) -> None:
         page.keyboard.press("Tab")
         reached.append(page.evaluate(_NAME_IN_FOCUS))
     names = " | ".join(reached)
-    wanted = ("show or hide the keys", "Drive", "Record", "Rebuild the map", "Advanced settings")
+    wanted = ("show or hide the keys", "Drive", "Record", "Rebuild the map", "Advanced: the 3D scene")
     assert [name for name in wanted if name not in names] == []
 
 

@@ -173,6 +173,7 @@ class PlanHands:
 
     def point_at(self, about: str, points: list[Point]) -> Point:
         """Move a pointer until the page says that a thing is below it, and return where that is."""
+        points = [(round(x), round(y)) for x, y in points]  # As the window's own pointer moves: by whole pixels.
         seen = self.page.evaluate(_POINT, [points, about])
         assert seen[-1] == about, f"nowhere is {about} under the pointer, but {seen}"
         return points[len(seen) - 1]

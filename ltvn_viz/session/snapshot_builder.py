@@ -169,10 +169,11 @@ def _way(progress: NavigationProgress) -> WayNodes | None:
 
 def _replayed(replay: Playback) -> Snapshot:
     moment = replay.moment()
+    camera = replay.camera(replay.found if moment.frame is None else moment.frame)
     return Snapshot(
         scene=replay.scene,
         moment=moment,
-        camera=(camera := replay.camera(replay.found if moment.frame is None else moment.frame)),
+        camera=camera,
         larger=b"" if camera is None else camera.original,
         replay=replay.name,
         course=replay.course,

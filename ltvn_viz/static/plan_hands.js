@@ -49,8 +49,14 @@ function onPlanUp(event) {
   const isClick = event.type === "pointerup" && pointers.size === 1 && drag !== null && !drag.isMoved;
   pointers.delete(event.pointerId);
   if (pointers.size === 0) drag = null;
-  // A finger does not hover: it takes the nearest thing, but where several lie at one place the first tap spreads them.
-  if (isClick && (event.pointerType !== "touch" || !overPlan(...placeIn(event)))) takeAt(...placeIn(event));
+  if (isClick && (event.pointerType !== "touch" || isToldAfterTap(...placeIn(event)))) takeAt(...placeIn(event));
+}
+
+// A finger does not hover: it takes the nearest thing, but where several lie at one place the first tap spreads them, and
+// tells of one.
+function isToldAfterTap(px, py) {
+  const told = byId("ltvn-card").dataset.about;
+  return !overPlan(px, py) || byId("ltvn-card").dataset.about === told;
 }
 
 function pinchOf() {

@@ -64,13 +64,13 @@ _LOOK = """async ([x, y, scale, factor, isWhole]) => {
   }
   return true;
 }"""
-_POINT = """([points, about]) => {
+_POINT = """([points, about, pointerType]) => {
   const [plan, card] = [document.querySelector("#ltvn-plan"), document.querySelector("#ltvn-card")];
   const seen = [];
   for (const [clientX, clientY] of points) {
     const isInside = document.elementFromPoint(clientX, clientY) === plan;
     const kind = isInside ? "pointermove" : "pointerleave";
-    plan.dispatchEvent(new PointerEvent(kind, { clientX, clientY, pointerType: "mouse", pointerId: 1 }));
+    plan.dispatchEvent(new PointerEvent(kind, { clientX, clientY, pointerType, pointerId: 1 }));
     seen.push(isInside ? card.dataset.about : "");
     if (seen.at(-1) === about) break;
   }
@@ -171,37 +171,39 @@ class PlanHands:
         """Tell whether an edge joins two headings at one place."""
         return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) < SAME_M
 
-    def point_at(self, about: str, points: list[Point]) -> Point:
+    def point_at(self, about: str, points: list[Point], pointer: str = "mouse") -> Point:
         """Move a pointer until the page says that a thing is below it, and return where that is."""
         points = [(round(x), round(y)) for x, y in points]  # As the window's own pointer moves: by whole pixels.
-        seen = self.page.evaluate(_POINT, [points, about])
-        assert seen[-1] == about, f"nowhere is {about} under the pointer, but {seen}"
+        seen = self.page.evaluate(_POINT, [points, about, pointer])
+        assert seen[-1] == about, f"nowhere is {about} under the {pointer}, but {seen}"
         return points[len(seen) - 1]
 
     def about_at(self, point: Point) -> str:
         """Return what is under a pointer at a point."""
-        return self.page.evaluate(_POINT, [[point], "-"])[0]
+        return self.page.evaluate(_POINT, [[point], "-", "mouse"])[0]
 
     def take(self, point: Point, took_effect: Callable[[], bool]) -> None:
         """Click once, and wait for what comes of it."""
         self.page.mouse.click(*point)
         until(took_effect, patience_s=20.0)
 
-    def tap(self, wanted: Asked, *places: Point) -> list[Asked]:
-        """Tap the first of some places where nothing else is nearer; where that spread several, the last one too.
+    def tap(self, wanted: Asked, *places: Point) -> Asked:
+        """Tap the first of some places where nothing else is nearer, and return what the page asked for.
 
-        Returns what the page asked for at each of these one or two taps.
+        Where several things lie, that tap spreads them, and asks for nothing: then tap what is wanted among them.
         """
         asked: Asked = None
         for place in places:
             self.page.mouse.move(*OUTSIDE)  # Nothing is spread any more.
             until(lambda: self.about == "", patience_s=20.0)
             asked = self._asked_by_tap(*place)
-            if asked is None:
-                return [None, self._asked_by_tap(*places[-1])]
-            if asked == wanted:
-                return [asked]
-        return [asked]
+            if asked in (None, wanted):
+                break
+        return asked
+
+    def tap_among(self, about: str, points: list[Point]) -> Asked:
+        """Tap a thing among those that a tap has spread, and return what the page asked for."""
+        return self._asked_by_tap(*self.point_at(about, points, "touch"))
 
     def _asked_by_tap(self, x: float, y: float) -> Asked:
         self.page.evaluate("window.asked = null")

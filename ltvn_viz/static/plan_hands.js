@@ -53,10 +53,10 @@ function onPlanUp(event) {
 }
 
 // A finger does not hover: it takes the nearest thing, but where several lie at one place the first tap spreads them, and
-// tells of one.
+// tells of one, which the next tap takes.
 function isToldAfterTap(px, py) {
-  const told = byId("ltvn-card").dataset.about;
-  return !overPlan(px, py) || byId("ltvn-card").dataset.about === told;
+  const found = nearest(px, py);
+  return (found !== null && keyOf(found) === byId("ltvn-card").dataset.about) || !overPlan(px, py);
 }
 
 function pinchOf() {

@@ -170,9 +170,13 @@ function wordsOf(found) {
   return [`Edge ${found.id.join(" → ")}`, `p ${edge.p.toFixed(2)}, ${length.toFixed(2)} m${edge.acts ? ", needs an action" : ""}`];
 }
 
+function keyOf({ kind, id }) {
+  return `${kind} ${id}`;
+}
+
 function hover(found, px = 0, py = 0) {
   const card = byId("ltvn-card");
-  const key = found === null ? "" : `${found.kind} ${found.id}`;
+  const key = found === null ? "" : keyOf(found);
   const canvas = shows3d() ? document.querySelector("#root canvas[data-engine]") : byId("ltvn-plan");
   if (canvas !== null) canvas.style.cursor = plan.view?.aim ? "crosshair" : found === null ? "" : "pointer";
   hovered = found;

@@ -194,8 +194,8 @@ class PlanHands:
         """
         asked: Asked = None
         for place in places:
-            self.page.mouse.move(*OUTSIDE)  # Nothing is spread any more.
-            until(lambda: self.about == "", patience_s=20.0)
+            self.page.mouse.move(*OUTSIDE)
+            self.page.evaluate(_POINT, [[OUTSIDE], "", "mouse"])  # Nothing is spread any more.
             asked = self._asked_by_tap(*place)
             if asked in (None, wanted):
                 break

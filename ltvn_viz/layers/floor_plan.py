@@ -1,32 +1,26 @@
-"""The floor plan of the building under the map: one image on the floor, and the points that align it."""
+"""The floor plan of the building under the map: one image on the floor."""
 
 import math
 
-import numpy as np
 import viser
 
-from ltvn_core import palette
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_viz.layers import PLAN_Z
 from ltvn_viz.layers.scene_assets import PICTURE_PX
-from ltvn_viz.layers.shapes import Markers, disc_mesh
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 
 FLOOR_PLAN_NAME = "/floor-plan"
 ABOVE_FLOOR_M = 0.005
 """Height of the image in metres: above the floor of the scene, and below everything of the map."""
-_MARK_M = 0.1
 
 
 class FloorPlanLayer:
-    """The plan and the clicked points."""
+    """The plan; the points that align it are chosen on the map from above."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Start without a drawing."""
         self._scene = scene
         self._shown: FloorPlanView | None = None
         self.image: viser.ImageHandle | None = None
-        self.marks = Markers(scene, f"{FLOOR_PLAN_NAME}-marks", disc_mesh(_MARK_M, corners=16), palette.ACCENT)
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the plan at its current pose; nothing without a plan."""
@@ -37,7 +31,6 @@ class FloorPlanLayer:
         if self.image is None:
             self.image = draw_floor_plan(self._scene, view.plan)
         self.image.position, self.image.wxyz = _pose(view.plan)
-        self.marks.place(np.array([(*mark, 0.0) for mark in view.marks]).reshape(-1, 3), PLAN_Z)
 
 
 def draw_floor_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle:

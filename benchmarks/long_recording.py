@@ -138,7 +138,7 @@ def ask_why(path: Path) -> dict[str, float]:
 
 def verify(path: Path) -> dict[str, float]:
     """Check every byte, row and image of the recording, as `ltvn verify` does."""
-    from ltvn_core.data.recording.damage.integrity import verify as verify_file
+    from ltvn_core.data.recording.integrity import verify as verify_file
 
     start = time.perf_counter()
     verify_file(path)

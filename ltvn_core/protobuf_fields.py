@@ -50,6 +50,8 @@ def read_fields(message: bytes) -> Iterator[Field]:
     while place < len(message):
         key, place = _read_varint(message, place)
         kind = key & 7
+        if key >> 3 == 0:
+            raise ValueError("a protobuf field has the number 0")
         if kind == _NUMBER:
             value, place = _read_varint(message, place)
             yield Field(key >> 3, value)

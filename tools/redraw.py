@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from ltvn_core.atomic_files import atomic_output
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rewriting import rewrite
 from ltvn_core.errors import SceneError

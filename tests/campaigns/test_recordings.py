@@ -64,7 +64,7 @@ def test_mutations(tally: Tally, tmp_path: Path) -> None:
         for judged in judge_mutations(path, seed=SEED, first=numbers.start, count=numbers.stop):
             tally.add(1, **{judged.fate.value: 1})
             tally.add(undamaged=judged.undamaged, recovered=judged.recovered, frames=judged.frames, saved=judged.saved)
-            lost_one = judged.saved < judged.frames and not judged.may_lose
+            lost_one = judged.recovered < judged.undamaged and judged.is_one_bit
             if judged.fate not in (Fate.REFUSED, Fate.HARMLESS) or lost_one:
                 tally.fail(f"{path.stem}: {judged}")
             if tally.is_over:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.soak import soak
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from tests.campaigns.tally import Tally
 
 GROWTH = 1.1

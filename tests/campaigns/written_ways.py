@@ -6,8 +6,8 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
-from ltvn_core.data.recording.damage.integrity import repair
 from ltvn_core.data.recording.excerpt import write_excerpt
+from ltvn_core.data.recording.integrity import repair
 from ltvn_core.data.recording.map_file import save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.__main__ import BenchSummary
 from benchmarks.measurement import measured
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import repair
+from ltvn_core.data.recording.integrity import repair
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 

@@ -1,6 +1,6 @@
 """Reads the rows of a recording with an index, one message at a time, and only when they are asked for.
 
-Owns the file that stays open for this, and the layout of a message with a chunk of rows. Each message is compared with
+Owns the file that stays open for this. Each message is compared with
 its checksum, because the file may have changed since it was opened, and with what the index promises of it.
 """
 
@@ -17,18 +17,12 @@ import numpy as np
 import pyarrow as pa
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.rrf2.arrow_tables import read_table, unpacked_lz4
+from ltvn_core.data.recording.rrf2.chunk_message import read_chunk, recording_id
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
 from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, MessageSum
 from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
-from ltvn_core.protobuf_fields import bytes_fields, read_fields
 
-_STORE, _COMPRESSION, _SIZE, _TABLE = 1, 2, 3, 5
-_LZ4 = 2
-_RECORDING_ID = 2
-"""Field of a store that holds the id of the recording."""
-_ENTITY = b"rerun:entity_path"
 _KEPT = 8
 """Number of messages of an entity that stay in memory, for neighbouring rows."""
 _IN_MEMORY_BYTES = 2**26
@@ -82,9 +76,8 @@ class _Messages:
     def batch(self, entity: str, number: int, rows: int) -> pa.RecordBatch:
         """Decode the message of this number, which has so many rows of the entity. Raises RecordingError."""
         try:
-            fields = bytes_fields(payload := self._checked(number)[MESSAGE_HEADER.size :])
-            batch = _decoded(payload)
-            found = bytes_fields(fields[_STORE])[_RECORDING_ID].decode(), _entity(batch), batch.num_rows
+            store, path, batch = read_chunk(self._checked(number)[MESSAGE_HEADER.size :])
+            found = recording_id(store), path, batch.num_rows
             if found != (self._recording_id, entity, rows):
                 raise ValueError(f"it has {found[2]} rows of {found[1]} in recording {found[0]}")
             if not schema.has_expected_columns(entity, batch):
@@ -108,17 +101,3 @@ class _Messages:
         if zlib.crc32(data) != known.crc32:
             raise ValueError("its checksum differs")
         return data
-
-
-def _decoded(payload: bytes) -> pa.RecordBatch:
-    fields = {each.number: each.value for each in read_fields(payload)}
-    table, size = fields[_TABLE], fields.get(_SIZE, 0)
-    if not isinstance(table, bytes) or not isinstance(size, int):
-        raise TypeError("its layout is unknown")
-    if fields.get(_COMPRESSION) == _LZ4:
-        table = unpacked_lz4(table, size)
-    return read_table(table, len(table))
-
-
-def _entity(batch: pa.RecordBatch) -> str:
-    return (batch.schema.metadata or {}).get(_ENTITY, b"").decode()

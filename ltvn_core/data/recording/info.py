@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.data.recording.damage.integrity import repair
+from ltvn_core.data.recording.integrity import repair
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import require_rrd
 from ltvn_core.errors import RecordingError

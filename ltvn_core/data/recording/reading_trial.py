@@ -15,53 +15,24 @@ from typing import BinaryIO
 _SECONDS = 60
 _BYTES_PER_SECOND = 2 << 20
 """Assumed reading speed in bytes per second for the time limit: a tenth of the speed on a busy machine."""
-_MESSAGE_SECONDS = 20
 _MEMORY_BYTES = 8 << 30
 _HEADER_BYTES = 12
 _CHUNK = 2
 """Kind of the messages that contain rows."""
-_FILE = "file"
-_MESSAGES = "messages"
 
 
 def reading_failure(path: Path) -> str | None:
     """Return the reason why Rerun cannot read a file; None if it can."""
     limit = _SECONDS + path.stat().st_size // _BYTES_PER_SECOND
     try:
-        tried = subprocess.run(_command(_FILE, path), capture_output=True, text=True, timeout=limit, env=_environment())
+        # With -P, files beside this one cannot replace libraries of the same name.
+        command = [sys.executable, "-P", __file__, str(path)]
+        tried = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=_environment())
     except subprocess.TimeoutExpired:
         return f"Rerun does not finish reading it within {limit} s"
     if tried.returncode == 0:
         return None
     return tried.stdout.strip() or "Rerun's reader crashes on it"
-
-
-def unreadable_messages(path: Path, count: int) -> dict[int, str]:
-    """Return the unreadable messages among the `count` messages of a file, each with the reason; each is tried
-    separately.
-
-    The file must consist of a header, one message that describes the store (not counted), and complete messages.
-    """
-    failures = dict[int, str]()
-    first = 0
-    while first < count:
-        tried = subprocess.run(
-            _command(_MESSAGES, path, str(first)), capture_output=True, text=True, check=False, env=_environment()
-        )
-        for line in tried.stdout.splitlines():
-            place, _, why = line.partition(" ")
-            first = int(place) + 1
-            if why:
-                failures[int(place)] = why
-        if first < count:
-            failures[first] = "Rerun's reader crashes on it"
-            first += 1
-    return failures
-
-
-def _command(kind: str, path: Path, *rest: str) -> list[str]:
-    # With -P, files beside this one cannot replace libraries of the same name.
-    return [sys.executable, "-P", __file__, kind, str(path), *rest]
 
 
 def _environment() -> dict[str, str]:
@@ -91,7 +62,7 @@ def _read(path: Path) -> None:
             found += 1
     with path.open("rb") as file:
         file.seek(_HEADER_BYTES)
-        written = sum(message[0] == _CHUNK for message in _messages(file))
+        written = sum(kind == _CHUNK for kind in _kinds(file))
     if found != written:
         raise ValueError(f"{written - found} of its {written} tables belong to no recording")
 
@@ -104,31 +75,11 @@ def _try_file(path: Path) -> str:
     return ""
 
 
-def _messages(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the messages from the current position of a file to its end, or to the end message."""
+def _kinds(file: BinaryIO) -> Iterator[int]:
+    """Yield the kinds of the messages from the current position of a file to its end, or to the end message."""
     while (header := file.read(16)) and header[0]:
-        yield header + file.read(int.from_bytes(header[8:], "little"))
-
-
-def _try_messages(path: Path, first: int) -> None:
-    import signal
-
-    with path.open("rb") as file:
-        header = file.read(_HEADER_BYTES)
-        messages = _messages(file)
-        beginning = header + next(messages)
-        alone = path.with_suffix(".one")
-        for place, message in enumerate(messages):
-            if place >= first:
-                if hasattr(signal, "alarm"):
-                    signal.alarm(_MESSAGE_SECONDS)
-                alone.write_bytes(beginning + message)
-                _answer(f"{place} {_try_file(alone)}")
-
-
-def _answer(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
+        yield header[0]
+        file.seek(int.from_bytes(header[8:], "little"), os.SEEK_CUR)
 
 
 def _leave_rerun_out() -> None:
@@ -149,8 +100,6 @@ if __name__ == "__main__":
     warnings.simplefilter("ignore")
     _leave_rerun_out()
     _limit_process()
-    if sys.argv[1] == _FILE:
-        failure = _try_file(Path(sys.argv[2]))
-        _answer(failure)
-        sys.exit(1 if failure else 0)
-    _try_messages(Path(sys.argv[2]), int(sys.argv[3]))
+    failure = _try_file(Path(sys.argv[1]))
+    sys.stdout.write(failure)
+    sys.exit(1 if failure else 0)

@@ -27,12 +27,12 @@ from ltvn_core.data.recording.reading_trial import reading_failure
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
 from ltvn_core.data.recording.rrf2.framing import is_finished, is_rrd
 from ltvn_core.data.recording.rrf2.row_index import RowIndex
-from ltvn_core.data.recording.stored_rows import believable, damaged_first
 from ltvn_core.errors import RecordingError
 
 ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
-_LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
+LONG_ENTITIES = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
+"""Entities with so many rows that they are kept on disk while they are read."""
 
 
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str], key: str = ROW_ID) -> Sequence[pa.RecordBatch]:
@@ -220,31 +220,20 @@ def _require_one_recording(path: Path, store: StoreRows) -> None:
         raise several_recordings(path, [store.recording_id, *store.other_ids])
 
 
-def read_store(path: Path, *, part_of: Path | None = None, doubtful: Sequence[Path] = ()) -> StoreRows:
-    """Read all rows of a file that is known not to crash Rerun's reader. Raises RecordingError.
+def read_store(path: Path) -> StoreRows:
+    """Read all rows of a file that is known not to crash Rerun's reader. Raises RecordingError."""
+    found = _read_batches(path)
+    return joined_store(path, found.recording_id, found.batches)._replace(other_ids=found.other_ids)
 
-    Errors name the file `part_of`, if `path` is a part of it. In that case, rows that differ from their own checksum
-    come first; of the `doubtful` files, which were made from damaged tables, only rows that match their own checksums
-    are used.
-    """
-    named = part_of or path
-    found = _read_batches(path, named)
-    rows = dict(found.batches)
-    if part_of is not None:
-        for place, extra in enumerate(doubtful):
-            for entity, batches in _read_batches(extra, named).batches.items():
-                rows[entity] = [*rows.get(entity, ()), *believable(entity, batches, parts_too=place == 0)]
-        rows = {entity: damaged_first(entity, batches) for entity, batches in rows.items()}
+
+def joined_store(path: Path, recording_id: str, rows: Mapping[str, Sequence[pa.RecordBatch]]) -> StoreRows:
+    """Return the rows of a recording, each with all of its columns. Raises RecordingError if they do not match."""
     try:
         joined = {entity: _joined(entity, each) for entity, each in rows.items()}
     except (pa.ArrowException, TypeError) as error:
-        raise _damaged_inside(named, f"its columns do not match ({error})") from error
-    return StoreRows(
-        found.recording_id,
-        joined if part_of is None else {entity: damaged_first(entity, each) for entity, each in joined.items()},
-        other_ids=found.other_ids,
-        without_steps={entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)},
-    )
+        raise _damaged_inside(path, f"its columns do not match ({error})") from error
+    without_steps = {entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)}
+    return StoreRows(recording_id, joined, without_steps=without_steps)
 
 
 class _StoreBatches(NamedTuple):
@@ -254,7 +243,7 @@ class _StoreBatches(NamedTuple):
     """Record batches by entity, in the order of the file."""
 
 
-def _read_batches(path: Path, named: Path) -> _StoreBatches:
+def _read_batches(path: Path) -> _StoreBatches:
     try:
         with warnings.catch_warnings():
             # Unfinished, older and very long files have no table of chunks.
@@ -266,18 +255,18 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
         rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
         long = MappedBatches()
         for chunk in chunks:
-            if chunk.entity_path in _LONG:
+            if chunk.entity_path in LONG_ENTITIES:
                 long.append(chunk.entity_path, chunk.to_record_batch())
             elif schema.is_read_back(chunk.entity_path):
                 rows[chunk.entity_path].append(chunk.to_record_batch())
         rows.update(long.take())
     except Exception as error:
-        raise _damaged_inside(named, str(error)) from error
+        raise _damaged_inside(path, str(error)) from error
     if not stores:
-        raise RecordingError(f"{named} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
+        raise RecordingError(f"{path} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
     if stores[0].application_id != schema.APPLICATION_ID:
         raise RecordingError(
-            f"{named} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
+            f"{path} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
         )
     others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
     return _StoreBatches(stores[0].recording_id, others, rows)

@@ -102,25 +102,14 @@ def damaged_first(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.R
     return [batch for batch in (*others, *damaged, *right) if batch.num_rows]
 
 
-def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool) -> Sequence[pa.RecordBatch]:
-    """Return the rows of damaged tables that match their own checksums.
-
-    With `parts_too`, also return rows whose checksum may be in another table.
-    """
+def believable(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
+    """Return the rows of damaged tables that match their own checksums."""
     entity = path.removeprefix("/")
     if entity not in schema.COLUMNS:
         return ()
-    taken = list[pa.RecordBatch]()
-    for batch in batches:
-        intact = _intact_rows(entity, batch)
-        names = set(batch.schema.names)
-        # Robots without a depth camera have depth rows without an image.
-        is_part = not len(intact) or (entity == schema.DEPTH and schema.DEPTH_PICTURE not in names)
-        if parts_too and is_part and schema.STEP in names:
-            taken.append(batch)
-        elif len(intact):
-            taken.append(batch.filter(pa.array(intact)))
-    return [batch for batch in taken if batch.num_rows]
+    masks = [_intact_rows(entity, batch) for batch in batches]
+    kept = [batch.filter(pa.array(intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
+    return [batch for batch in kept if batch.num_rows]
 
 
 def _intact_rows(entity: str, batch: pa.RecordBatch) -> NDArray[np.bool_]:

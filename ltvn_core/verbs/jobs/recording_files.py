@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.data.recording.damage.integrity import repair, verify
 from ltvn_core.data.recording.info import read_info
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.viewer_server import serve_viewer
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.verbs.recording_files import InfoVerb, RecordingsVerb, RepairVerb, VerifyVerb

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.original_images import compress_original
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import ImageError

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import Judged

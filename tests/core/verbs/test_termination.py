@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from tests.platforms import needs_posix
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S, until

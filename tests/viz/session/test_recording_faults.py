@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError

@@ -44,8 +44,6 @@ _SIZES = struct.Struct("<II")
 """Length of the JSON text and number of messages."""
 _SUM = struct.Struct("<IIQ")
 _CRC = struct.Struct("<I")
-_SEARCHED = 8
-"""Largest number of bytes to checksum while records are searched in a damaged file, in multiples of its length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,27 +153,10 @@ def read_closing_record(end: EndMessage) -> ClosingRecord | None:
     return record if whole else None
 
 
-class PlacedRecord(NamedTuple):
-    """A closing record that was found in a damaged file."""
-
-    record: ClosingRecord
-    end: int
-    """Position of its end in the file; a tail follows."""
-
-
-def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
-    """Return the unchanged records in a damaged file; several if several files were joined."""
-    found = list[PlacedRecord]()
-    at = data.find(_MAGIC)
-    left = _SEARCHED * len(data)
-    while at >= 0 and left > 0:
-        size = _size(data[at : at + len(_MAGIC) + _SIZES.size])
-        record = _parsed(data[at : at + size])
-        left -= min(size, len(data) - at)
-        if record is not None:
-            found.append(PlacedRecord(record, at + size))
-        at = data.find(_MAGIC, at + len(_MAGIC) if record is None else at + size)
-    return found
+def last_closing_record(data: bytes) -> ClosingRecord | None:
+    """Return the last record in a damaged file, if it is unchanged itself."""
+    at = data.rfind(_MAGIC)
+    return None if at < 0 else _parsed(data[at : at + _size(data[at : at + len(_MAGIC) + _SIZES.size])])
 
 
 def _size(data: bytes) -> int:

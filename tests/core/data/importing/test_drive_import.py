@@ -14,7 +14,7 @@ from ltvn_core.data.importing.frame_preparation import recorded_camera
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource
 from ltvn_core.data.importing.raw_frame import FrameFilter, FrameMoment, RawFrame, ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import DriveError, OptionError, RecordingError
 from ltvn_core.types import Tilt

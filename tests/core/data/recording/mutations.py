@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ltvn_core.data.recording import rrd_contents, schema
-from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, walk_messages
 from ltvn_core.errors import LtvnError
@@ -65,8 +65,8 @@ class Judgement:
     """Of the whole file."""
     saved: int = 0
     """Those of them that the repaired file holds, exactly; also out of damaged messages."""
-    may_lose: bool = True
-    """False where no frame may be lost: a single flipped bit, in a file with checksums of its messages."""
+    is_one_bit: bool = False
+    """Whether a single bit was flipped: no frame of another message may be lost."""
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> Mutation:
@@ -163,7 +163,7 @@ def _frames_of_messages(folder: Path, data: bytes, messages: Sequence[bytes]) ->
     for message in messages:
         alone.write_bytes(beginning + message)
         # Not yet joined, since Rerun's tools put the columns of a row into several messages.
-        rows = rrd_contents._read_batches(alone, alone).batches
+        rows = rrd_contents._read_batches(alone).batches
         batches = [batch for entity in (schema.RGB, schema.DEPTH) for batch in rows.get(f"/{entity}", ())]
         timed = [batch for batch in batches if schema.STEP in batch.schema.names]
         yield {step for batch in timed for step in batch.column(schema.STEP).to_pylist()}
@@ -196,7 +196,7 @@ def judge(whole: Recoverable, mutation: Mutation, number: int) -> Judgement:
         recovered=len(undamaged & right),
         frames=len(whole.sums),
         saved=len(right),
-        may_lose=not (whole.has_message_sums and mutation.is_one_bit),
+        is_one_bit=mutation.is_one_bit,
     )
 
 

@@ -7,9 +7,9 @@ import pytest
 import rerun.chunk
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes, find_closing_records
+from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes, last_closing_record
 from ltvn_core.errors import RecordingError
 from tests.core.data.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
@@ -67,9 +67,9 @@ def test_a_recording_that_lost_rows_before_it_was_finished_is_refused(whole: Pat
 
 def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) -> None:
     data, record = whole.read_bytes(), check_file(whole).record
-    assert [each.record for each in find_closing_records(data[len(data) // 2 + 5 :])] == [record]
-    assert not find_closing_records(data[:-40])
-    assert not find_closing_records(b"")
+    assert last_closing_record(data[len(data) // 2 + 5 :]) == record
+    assert last_closing_record(data[:-40]) is None
+    assert last_closing_record(b"") is None
 
 
 def test_an_older_recording_can_be_drawn_anew_and_holds_the_same(tmp_path: Path) -> None:
@@ -98,4 +98,6 @@ def test_the_bit_of_the_demo_drive_that_once_hid_all_its_frames_is_noticed(tmp_p
     with pytest.raises(RecordingError, match="ltvn repair"):
         verify(path)
     saved = repair(path, tmp_path / "repaired.rrd")
-    assert (saved.frames, saved.damaged_frames, saved.damaged_events) == (878, 0, 0)
+    assert saved.frames + saved.damaged_frames == 878
+    assert saved.damaged_frames <= 250  # Those of one message.
+    assert saved.left_out

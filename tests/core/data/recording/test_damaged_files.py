@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import repair, verify
-from ltvn_core.data.recording.damage.message_search import find_messages
 from ltvn_core.data.recording.info import read_info
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrf2.closing_record import check_file
 from ltvn_core.data.recording.rrf2.framing import END_KIND, HEADER_BYTES
+from ltvn_core.data.recording.salvage import open_salvage
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
 from tests.core.data.recording import example_recording
@@ -142,11 +142,30 @@ def test_only_the_guarded_way_leads_to_reruns_reader() -> None:
 
 
 @pytest.mark.parametrize("inserted", [b"", bytes(700)], ids=["a hole", "a hole and bytes put in"])
-def test_messages_before_and_behind_a_large_hole_are_found(inserted: bytes, whole: Path) -> None:
+def test_messages_before_and_behind_a_large_hole_are_saved(
+    inserted: bytes, tmp_path: Path, damaged: Path, repaired: Path
+) -> None:
+    path = tmp_path / "drive.rrd"
+    with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
+        for step in range(12):
+            writer.write_frame(example_recording.observation(step))
+            writer._stream.flush()
+    data = path.read_bytes()
+    rgb = [begin for begin, end in messages(data) if b"camera/rgb" in data[begin:end] and end - begin > 3_000]
+    begin, end = rgb[3], rgb[6]
+    damaged.write_bytes(data[:begin] + bytes(end - begin) + inserted + data[end:])
+    saved = repair(damaged, repaired)
+    assert saved.frames + saved.damaged_frames == 12
+    assert saved.damaged_frames in (3, 4)  # The depth of a neighbour may stand in the hole.
+    assert saved.lost_bytes >= end - begin
+
+
+def test_every_bit_of_a_header_costs_at_most_its_message_and_is_told(whole: Path, damaged: Path) -> None:
     data = whole.read_bytes()
     spans = list(messages(data))
-    middle = len(spans) // 2
-    begin, end = spans[2][0], spans[middle][0]
-    found = find_messages(data[:begin] + bytes(end - begin) + inserted + data[end:])
-    kept = [*spans[:2], *spans[middle:]]
-    assert [message.data for message in found.messages if message.sure] == [data[slice(*span)] for span in kept]
+    begin, end = max(spans, key=lambda span: span[1] - span[0])
+    for place in range(begin, begin + 16):
+        damaged.write_bytes(flipped(data, place, place % 8))
+        found = open_salvage(damaged)
+        assert found.lost_places, place
+        assert found.lost_bytes <= end - begin, place

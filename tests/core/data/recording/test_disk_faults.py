@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.data.recording.appended_file import AppendedFile
-from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.integrity import repair, verify
 from tests.core.data.recording.disk_faults import (
     FAULTS,
     FaultOutcome,

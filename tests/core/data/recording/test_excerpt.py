@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.excerpt import event_window, write_excerpt
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.integrity import verify
 from tests.platforms import needs_posix
 from tests.repository import ROOT
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.durable_stream import interrupts_deferred
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.writer import RecordingWriter
 from tests.core.data.recording import example_recording
 

@@ -13,8 +13,8 @@ import pytest
 from rerun.chunk import RrdReader
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.damage.integrity import repair, verify
 from ltvn_core.data.recording.info import read_info
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import joined_rows, read_store
 from ltvn_core.data.recording.rrf2 import chunk_table

@@ -16,9 +16,9 @@ from numpy.testing import assert_array_equal
 
 from ltvn_core import worlds as w
 from ltvn_core.data.recording import mapped_batches
-from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.event_codec import decode_event, encode_event
 from ltvn_core.data.recording.info import read_info
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter

@@ -11,7 +11,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ltvn_core.data.recording import indexed_rows
-from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import open_contents
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk

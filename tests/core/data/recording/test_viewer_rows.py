@@ -12,9 +12,9 @@ import rerun as rr
 import trimesh
 from rerun.chunk import RrdReader
 
-from ltvn_core.data.recording.damage.integrity import repair, verify
 from ltvn_core.data.recording.drawn_poses import FloorExtent
 from ltvn_core.data.recording.excerpt import write_excerpt
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrf2.closing_record import check_file
 from ltvn_core.data.recording.schema import read_cell

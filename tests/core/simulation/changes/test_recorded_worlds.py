@@ -9,9 +9,9 @@ import pytest
 from ltvn_core import worlds as w
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.drawn_poses import DrawnPoses
 from ltvn_core.data.recording.event_drawing import draw_event
+from ltvn_core.data.recording.integrity import verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import WorldError

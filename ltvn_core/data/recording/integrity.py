@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.damage.salvage import Salvage, open_salvage
 from ltvn_core.data.recording.reader import WITHOUT_FIRST_EVENTS, Recording
 from ltvn_core.data.recording.rewriting import rewrite
 from ltvn_core.data.recording.rrd_contents import open_contents, require_file
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.data.recording.salvage import Salvage, open_salvage
 from ltvn_core.errors import MapError, RecordingError
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -210,7 +210,7 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     if not frames and not events and (first := _first_event(recording)):
         raise RecordingError(f"{path}: {WITHOUT_FIRST_EVENTS.format(first)}")
     # A recording that was cut off before its first frame contains only the description and the scene.
-    if not frames and not events and (salvage.ended or salvage.lost_places or losses.frame_count):
+    if not frames and not events and (salvage.ended or salvage.lost_bytes or losses.frame_count):
         parts = f" It ends before the first of {losses.frame_count} frames is complete." if losses.frame_count else ""
         raise RecordingError(
             f"{path} has no undamaged frame and no undamaged event; nothing can be recovered.{parts} Copy the whole "

@@ -1,8 +1,8 @@
 """A navigation system, divided as in the paper's Table I: five strategies that can be exchanged one by one, and three
 optional parts: online mapping, presence of edges and a place belief.
 
-Owns the interfaces alone. `graph.ltvn` composes the paper's own system, and each file of `ltvn_core.systems` one of its
-baselines; the navigator works with any `NavigationSystem`:
+Owns the interfaces alone. `graph.ltvn` composes the paper's own system, and `ltvn_core.systems` its baselines; the
+navigator works with any `NavigationSystem`:
 
 | system | build | edge_weight | subgoal | localise | maintenance |
 |---|---|---|---|---|---|

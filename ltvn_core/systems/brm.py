@@ -12,14 +12,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ltvn_core.config import Method
 from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge
-from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.maintenance import AttemptEvidence
-from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
-from ltvn_core.graph.planner import surprise_cost
+from ltvn_core.graph.navigation_system import Deltas, NoMaintenance
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import NodeId
 
 ARRIVES_IF_JOINED, ARRIVES_IF_NOT = 0.95, 0.001
@@ -28,12 +24,6 @@ _LEAST_P = 1e-6
 
 RoomOf: TypeAlias = Callable[[NodeId], int | None]
 """Returns the room of a node; None between rooms."""
-
-
-def brm_system(method: Method) -> NavigationSystem:
-    """Return BRM on the map of our own system; `method` has all thresholds."""
-    maintenance = BayesianEdges() if method.maintain else NoMaintenance()
-    return replace(ltvn_system(method), name="brm", edge_weight=surprise_cost, maintenance=maintenance, online=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +69,3 @@ def posterior(p: float, *, succeeded: bool) -> float:
     if_joined = ARRIVES_IF_JOINED if succeeded else 1 - ARRIVES_IF_JOINED
     if_not = ARRIVES_IF_NOT if succeeded else 1 - ARRIVES_IF_NOT
     return float(np.clip(p * if_joined / (p * if_joined + (1 - p) * if_not), _LEAST_P, 1 - _LEAST_P))
-
-
-BRM = SystemEntry(name="brm", label="BRM", factory=brm_system)

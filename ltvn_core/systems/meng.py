@@ -9,23 +9,16 @@ because their maps are built from many.
 
 import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import Method
 from ltvn_core.geometry import invert
-from ltvn_core.graph.build_progress import ProgressCallback
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
+from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
-from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.systems.all_image_map import EdgeCandidate, all_image_deltas, encode_trajectory
-from ltvn_core.systems.entry import SystemEntry
-from ltvn_core.types import Features, FrameId, Observation, Predictor, Waypoint
+from ltvn_core.systems.rival import DriveImages, EdgeCandidate, on_last_path
+from ltvn_core.types import Features, Waypoint
 
 Reach = Callable[[Sequence[int], Sequence[int]], tuple[NDArray[np.float64], Waypoint]]
 """Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their row in it."""
@@ -84,63 +77,36 @@ ON_PATH_REACHABILITY = 0.7
 """Least r of a node on the last path at which the robot is localised."""
 
 
-def meng_system(method: Method) -> NavigationSystem:
-    """Return the system; `method` has the thresholds of the controller and of the success check."""
-    return NavigationSystem(
-        name="meng",
-        method=method,
-        build=partial(_build, method=method),
-        edge_weight=surprise_cost,
-        localise=_localise,
-        subgoal=choose_first_node,
-        maintenance=NoMaintenance(),
-    )
-
-
-def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
+def localise_on_anchors(
+    features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
+) -> Localisation:
     """Find the most reachable anchor on the last path, else among all."""
-    ahead = [node for node in prior.plan if node in graph.nodes and node not in prior.doubted]
-    near = matcher.match(features, ahead)
-    if len(near) and near.reachability.max() > ON_PATH_REACHABILITY:
-        return best_localisation(near, -near.reachability, near.reachability > ON_PATH_REACHABILITY, LOCAL)
+    if found := on_last_path(features, graph, prior, matcher, ON_PATH_REACHABILITY):
+        return found
     matches = matcher.match(features, prior.candidates(graph))
     return best_localisation(matches, -matches.reachability, matches.reachability > AT_NODE_REACHABILITY, GLOBAL)
 
 
-def _build(
-    observations: Sequence[Observation],
-    keyframes: KeyframeStore,
-    predictor: Predictor,
-    *,
-    method: Method,
-    rng: np.random.Generator,
-    goals: Collection[FrameId] = (),
-    progress: ProgressCallback | None = None,
-) -> Deltas:
-    """Return a map of anchors, including `goals`; `rng` draws the older nodes that are compared."""
-    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    matcher = Matcher(predictor, keyframes, method.matching)
-    both = method.matching.both_directions
+def keep_anchors(drive: DriveImages) -> tuple[Sequence[int], list[EdgeCandidate]]:
+    """Keep anchors, including all goals; the generator of the drive draws the older nodes that are compared."""
+    matcher = Matcher(drive.predictor, drive.keyframes, drive.method.matching)
+    both = drive.may_reverse
 
     def reach(sources: Sequence[int], targets: Sequence[int]) -> tuple[NDArray[np.float64], Waypoint]:
-        first = features[list(sources)]
-        second = features[list(targets)]
+        first = drive.features[list(sources)]
+        second = drive.features[list(targets)]
         if both:
             return matcher.match_pairs(first, second)
-        answer = predictor.predict(first, second)
+        answer = drive.predictor.predict(first, second)
         return np.asarray(answer.reachability, np.float64), answer.waypoints
 
-    wanted = frozenset(k for k, seen in enumerate(ordered) if seen.step in goals)
-    anchors = AnchorMap(RememberedReach(reach, both_directions=both), wanted, rng, both_directions=both)
-    for first in range(0, max(len(ordered) - 1, 1), TRAJECTORY_IMAGES):
-        anchors.add(first, min(first + TRAJECTORY_IMAGES, len(ordered) - 1))
-        if progress is not None:
-            progress(min(first + TRAJECTORY_IMAGES, len(ordered)), len(ordered))
-    kept = [ordered[k] for k in anchors.nodes]
-    row = {k: place for place, k in enumerate(anchors.nodes)}
-    joined = [each._replace(source=row[each.source], target=row[each.target]) for each in anchors.edges.values()]
-    keyframes.keep_only([seen.step for seen in kept])
-    return tuple(all_image_deltas(kept, joined, method.believing))
+    anchors = AnchorMap(RememberedReach(reach, both_directions=both), drive.goals, drive.rng, both_directions=both)
+    count = len(drive.rows)
+    for first in range(0, max(count - 1, 1), TRAJECTORY_IMAGES):
+        anchors.add(first, min(first + TRAJECTORY_IMAGES, count - 1))
+        if drive.progress is not None:
+            drive.progress(min(first + TRAJECTORY_IMAGES, count), count)
+    return anchors.nodes, list(anchors.edges.values())
 
 
 def sparsify(reach: Reach, first: int, last: int, goals: Collection[int] = ()) -> list[int]:
@@ -249,6 +215,3 @@ class AnchorMap:
     def _join(self, candidate: EdgeCandidate) -> None:
         for each in (candidate, candidate.reversed())[: 1 + self._both]:
             self.edges.setdefault((each.source, each.target), each)
-
-
-MENG = SystemEntry(name="meng", label="Meng et al.", factory=meng_system)

@@ -8,18 +8,14 @@ is set from the spread of similarities for the first image, as in PlaceNav (Xu e
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import Method
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation, doubt
-from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, NodeId
 
 STEPS_ALONG_EDGES = 2
@@ -28,11 +24,6 @@ QUANTILES, RATIO = (0.025, 0.975), 5.0
 """Ratio of the likelihoods of one image at these quantiles of similarity, which sets the sharpness."""
 _FAR = 3.0
 """Upper limit to which d of nodes is clipped."""
-
-
-def placenav_system(method: Method) -> NavigationSystem:
-    """Return our own system with this localisation; `method` has all thresholds."""
-    return replace(ltvn_system(method), name="placenav", localise=BayesFilter(), follows_places=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +78,3 @@ def _moved(belief: Mapping[NodeId, float], nodes: Sequence[NodeId], graph: Topol
         for each in reached & spread.keys():
             spread[each] += weight / len(reached)
     return np.array([spread[node] for node in nodes])
-
-
-PLACENAV = SystemEntry(name="placenav", label="PlaceNav", factory=placenav_system, preset_in_label=True)

@@ -1,8 +1,9 @@
 """Navigation systems by name: those of this package, and plug-ins of other packages.
 
 Owns their order and the loading of an entry by name. All are entry points of the group `ltvn.systems`, which name a
-`SystemEntry`, or a function from a `Method` to a `NavigationSystem`. A new one here is one file in this folder, one
-line in pyproject.toml and one in `OWN_SYSTEMS`. Entries are imported lazily, so that listing the names is fast.
+`SystemEntry`, or a function from a `Method` to a `NavigationSystem`. A new one here is one row in
+`system_table`, one line in pyproject.toml and one in `OWN_SYSTEMS`. Entries are imported lazily, so that listing the
+names is fast.
 """
 
 from collections.abc import Iterator, Mapping

@@ -54,6 +54,11 @@ def test_a_navigation_system_of_ones_own_reaches_goals(tmp_path: Path) -> None:
     assert said.count("arrived") >= 2
 
 
+def test_a_rival_of_ones_own_reaches_goals(tmp_path: Path) -> None:
+    said = run("17_write_a_rival.py", save(box_house(), tmp_path / "house.glb"), cwd=tmp_path)
+    assert said.count("arrived") == 2
+
+
 def test_a_predictor_of_ones_own_builds_a_map(tmp_path: Path) -> None:
     said = run("04_write_a_predictor.py", cwd=tmp_path)
     assert "200 images became" in said

@@ -13,8 +13,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import OnlineBuilder, ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.systems.sptm import sptm_system
-from ltvn_core.systems.ving import ving_system
+from ltvn_core.systems.system_table import SPTM, VING
 from ltvn_core.types import Depth, FrameId, Observation
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.core.navigation.blind_world import NO_DEPTH, DepthPredictor
@@ -34,7 +33,7 @@ def blind_frames(images: list[Observation]) -> list[FrameId]:
 
 @pytest.mark.parametrize(
     ("system", "depth"),
-    [(ltvn_system, NO_DEPTH["zero"]), (ltvn_system, NO_DEPTH["absent"]), (sptm_system, None), (ving_system, None)],
+    [(ltvn_system, NO_DEPTH["zero"]), (ltvn_system, NO_DEPTH["absent"]), (SPTM.factory, None), (VING.factory, None)],
 )
 def test_no_system_makes_a_node_of_an_image_without_depth(
     system: Callable[[Method], NavigationSystem], depth: Depth | None, caplog: pytest.LogCaptureFixture
@@ -74,7 +73,7 @@ def test_a_goal_without_depth_is_refused_by_its_number() -> None:
 
 def test_a_predictor_that_works_from_colours_gets_all_images() -> None:
     images, predictor = drive(None), FlatPredictor(one_room())
-    sptm_system(ROBUST).build(images, KeyframeStore(predictor), predictor, rng=np.random.default_rng(0))
+    SPTM.factory(ROBUST).build(images, KeyframeStore(predictor), predictor, rng=np.random.default_rng(0))
     assert predictor.encoded == len(images)
 
 

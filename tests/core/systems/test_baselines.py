@@ -25,17 +25,16 @@ from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems import temporal_distance
 from ltvn_core.systems.registry import open_system
-from ltvn_core.systems.sptm import (
+from ltvn_core.systems.system_table import SPTM, VING
+from ltvn_core.systems.temporal_closeness import (
     MAX_NODES_AHEAD,
     MAX_SHORTCUTS,
     MEDIAN_WINDOW,
     MIN_STEPS_APART,
     choose_farthest_close_node,
     select_shortcuts,
-    sptm_system,
 )
 from ltvn_core.systems.temporal_distance import EDGE_STEPS, reachability_of_steps, temporal_distances
-from ltvn_core.systems.ving import ving_system
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_DRIVE
@@ -43,7 +42,7 @@ from tests.repository import DEMO_DRIVE
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7), (2.0, 0.7)]
 IMAGES = list(tour(ROUND, spins=False))
 FRAMES = [seen.step for seen in IMAGES]
-BOTH = pytest.mark.parametrize("rival", [sptm_system, ving_system])
+BOTH = pytest.mark.parametrize("rival", [SPTM.factory, VING.factory])
 
 
 def mapped(
@@ -80,13 +79,13 @@ def test_one_image_is_a_map_of_one_node(rival) -> None:  # noqa: ANN001
 
 
 def test_sptms_shortcuts_join_places_seen_twice_both_ways() -> None:
-    graph, _, _ = mapped(sptm_system(ROBUST), IMAGES, FlatPredictor(one_room()))
+    graph, _, _ = mapped(SPTM.factory(ROBUST), IMAGES, FlatPredictor(one_room()))
     row = {frame: k for k, frame in enumerate(FRAMES)}
     apart = {(a, b): abs(row[a] - row[b]) for a, b in graph.edges}
     assert all((b, a) in graph.edges for a, b in graph.edges)
     assert all(gap == 1 or gap > MIN_STEPS_APART for gap in apart.values())
     assert max(apart.values()) > len(IMAGES) / 2  # The last leg repeats the first.
-    assert Planner(graph, ROBUST.planning, weight=sptm_system(ROBUST).edge_weight).plan(0, FRAMES[-1]).cost < 20
+    assert Planner(graph, ROBUST.planning, weight=SPTM.factory(ROBUST).edge_weight).plan(0, FRAMES[-1]).cost < 20
 
 
 def test_sptm_takes_at_most_two_thousand_shortcuts_and_those_the_closest() -> None:
@@ -117,7 +116,7 @@ def test_sptm_drives_to_the_farthest_close_node_ahead() -> None:
 
 def test_sptm_looks_along_the_last_path_first_and_then_for_the_middle_of_the_best() -> None:
     images = [observation_at(np.array([0.6 + 0.1 * k, 1.0, 0.0]), k) for k in range(30)]
-    system, predictor = sptm_system(ROBUST), TemporalPredictor(one_room())
+    system, predictor = SPTM.factory(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
     here = predictor.encode([observation_at(np.array([2.6, 1.0, 0.0]), 99)])
     fix = system.localise(here, graph, LocalisationPrior(tuple(range(17, 30))), matcher)
@@ -132,14 +131,14 @@ def test_sptm_looks_along_the_last_path_first_and_then_for_the_middle_of_the_bes
 
 def test_sptm_is_at_the_middle_one_of_five_that_look_alike() -> None:
     images = [observation_at(np.array([0.6 + 0.01 * k, 1.0, 0.0]), k) for k in range(30)]
-    system, predictor = sptm_system(ROBUST), TemporalPredictor(one_room())
+    system, predictor = SPTM.factory(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
     assert system.localise(predictor.encode([images[-1]]), graph, LocalisationPrior(), matcher).node == 27
 
 
 def test_vings_edges_weigh_the_steps_between_their_images() -> None:
     images = [observation_at(np.array([0.6 + 0.1 * k, 1.0, 0.0]), 3 * k) for k in range(30)]
-    system = ving_system(ROBUST)
+    system = VING.factory(ROBUST)
     graph, _, _ = mapped(system, images, TemporalPredictor(one_room()))
     for (source, target), edge in graph.edges.items():
         steps = abs(source - target) / 3
@@ -153,7 +152,7 @@ def test_vings_edges_weigh_the_steps_between_their_images() -> None:
 def test_ving_joins_a_drive_where_the_network_sees_no_way() -> None:
     images = [observation_at(np.array([0.6, 1.0, 0.0]), 0), observation_at(np.array([4.0, 3.0, 3.0]), 1)]
     for both in (True, False):
-        system = ving_system(replace(ROBUST, matching=replace(ROBUST.matching, both_directions=both)))
+        system = VING.factory(replace(ROBUST, matching=replace(ROBUST.matching, both_directions=both)))
         graph, _, _ = mapped(system, images, FlatPredictor(one_room()))
         assert set(graph.edges) == ({(0, 1), (1, 0)} if both else {(0, 1)})
         assert system.edge_weight(graph.edges[0, 1].belief) == pytest.approx(1.0)
@@ -161,7 +160,7 @@ def test_ving_joins_a_drive_where_the_network_sees_no_way() -> None:
 
 def test_ving_is_where_the_temporal_distance_is_least_or_nowhere() -> None:
     images = [observation_at(np.array([0.6 + 0.1 * k, 1.0, 0.0]), k) for k in range(30)]
-    system, predictor = ving_system(ROBUST), TemporalPredictor(one_room())
+    system, predictor = VING.factory(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
     fix = system.localise(
         predictor.encode([observation_at(np.array([1.41, 1.0, 0.0]), 99)]), graph, LocalisationPrior(), matcher
@@ -179,11 +178,11 @@ def test_the_labels_and_the_map_mean_the_same_by_a_step() -> None:
 def test_steps_and_closeness_are_inverse_and_the_navigator_asks_in_steps() -> None:
     assert float(temporal_distances(reachability_of_steps(4.0))) == pytest.approx(4.0)
     assert math.isfinite(temporal_distances(0.0))
-    method = ving_system(ROBUST).method
+    method = VING.factory(ROBUST).method
     assert method.judging.success_reachability == pytest.approx(reachability_of_steps(EDGE_STEPS))
     assert method.driving.lost_reachability < method.driving.departure_reachability
-    assert ving_system(PAPER).method.driving.departure_reachability == 0
-    assert sptm_system(ROBUST).method == ROBUST
+    assert VING.factory(PAPER).method.driving.departure_reachability == 0
+    assert SPTM.factory(ROBUST).method == ROBUST
 
 
 @pytest.mark.slow

@@ -17,14 +17,22 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.systems import sorb
-from ltvn_core.systems.brm import brm_system, posterior
-from ltvn_core.systems.htm import EDGES_PER_NODE, cheapest_edges, htm_system, inverse_share, shares
-from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, RememberedReach, meng_system, sparsify
-from ltvn_core.systems.placenav import BayesFilter, placenav_system
-from ltvn_core.systems.sgm import MERGE_STEPS, NEAREST_COUNT, merge_consistent, nearest_edges, sgm_system
-from ltvn_core.systems.sorb import MAX_STEPS, choose_goal_if_nearer, sorb_system
-from ltvn_core.systems.temporal_distance import EDGE_STEPS, reachability_of_steps
+from ltvn_core.systems import temporal_distance
+from ltvn_core.systems.brm import posterior
+from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, RememberedReach, sparsify
+from ltvn_core.systems.placenav import BayesFilter
+from ltvn_core.systems.system_table import BRM, HTM, MENG, PLACENAV, SGM, SORB
+from ltvn_core.systems.temporal_closeness import EDGES_PER_NODE, cheapest_edges, inverse_share, shares
+from ltvn_core.systems.temporal_distance import (
+    EDGE_STEPS,
+    MAX_STEPS,
+    MERGE_STEPS,
+    NEAREST_COUNT,
+    choose_goal_if_nearer,
+    merge_consistent,
+    nearest_edges,
+    reachability_of_steps,
+)
 from ltvn_core.types import Observation, Pose
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
 
@@ -117,7 +125,7 @@ def test_places_seen_in_two_drives_are_joined_only_where_whole_windows_are_near(
 
 
 def test_meng_weighs_ways_by_their_probability_and_finds_its_place_along_the_path_first() -> None:
-    system = meng_system(ROBUST)
+    system = MENG.factory(ROBUST)
     graph, matcher = mapped(system, IMAGES)
     assert 4 < len(graph.nodes) < len(IMAGES) / 2
     assert system.edge_weight(Belief(ADJACENT_P, 1.0, 0.1)) == pytest.approx(1e-4, rel=0.01)
@@ -148,7 +156,7 @@ def test_of_each_node_the_five_shortest_edges_stay() -> None:
 
 
 def test_sgms_map_is_sparse_and_leads_everywhere() -> None:
-    system = sgm_system(ROBUST)
+    system = SGM.factory(ROBUST)
     graph, matcher = mapped(system, IMAGES, TemporalPredictor(one_room()))
     assert len(graph.nodes) < len(IMAGES) / 2
     start = next(iter(graph.nodes))
@@ -158,9 +166,9 @@ def test_sgms_map_is_sparse_and_leads_everywhere() -> None:
 
 
 def test_sgm_deletes_an_edge_at_its_first_failure() -> None:
-    graph, _ = mapped(sgm_system(ROBUST), IMAGES)
+    graph, _ = mapped(SGM.factory(ROBUST), IMAGES)
     source, target = next(iter(graph.edges))
-    maintenance = sgm_system(ROBUST).maintenance
+    maintenance = SGM.factory(ROBUST).maintenance
     failed = AttemptEvidence(source=source, target=target, distance=1.0, succeeded=False)
     (delta,) = maintenance.after_attempt(graph, failed)
     assert isinstance(delta, EdgePruned)
@@ -173,7 +181,7 @@ def test_brm_doubts_an_edge_at_once_and_believes_again_after_a_success() -> None
     assert posterior(0.9, succeeded=False) < 0.5 < posterior(0.9, succeeded=True)
     once = posterior(0.9, succeeded=False)
     assert posterior(once, succeeded=True) > 0.99
-    system = brm_system(ROBUST)
+    system = BRM.factory(ROBUST)
     graph, _ = mapped(system, IMAGES)
     source, target = next(iter(graph.edges))
     failed = AttemptEvidence(source=source, target=target, distance=1.0, succeeded=False)
@@ -185,7 +193,7 @@ def test_brm_doubts_an_edge_at_once_and_believes_again_after_a_success() -> None
 
 
 def test_a_belief_over_places_is_not_carried_off_by_one_image_that_resembles_another_place() -> None:
-    graph, matcher = mapped(placenav_system(ROBUST), IMAGES)
+    graph, matcher = mapped(PLACENAV.factory(ROBUST), IMAGES)
     image_of = {seen.step: seen for seen in IMAGES}
     here = min(graph.nodes)
     away = max(graph.nodes, key=lambda node: np.hypot(*(pose(image_of[node]) - pose(image_of[here]))[:2]))
@@ -210,7 +218,7 @@ def graph_of(system: NavigationSystem, images: list[Observation], goals: tuple[i
 
 
 def test_sorb_joins_what_is_within_maxdist_and_paths_are_as_long_as_they_take() -> None:
-    system = sorb_system(ROBUST)
+    system = SORB.factory(ROBUST)
     graph = graph_of(system, LINE)
     assert set(graph.edges) == {(a, b) for a in range(30) for b in range(30) if a != b and abs(a - b) < MAX_STEPS}
     assert system.edge_weight(graph.edges[3, 5].belief) == pytest.approx(2.0)
@@ -218,8 +226,8 @@ def test_sorb_joins_what_is_within_maxdist_and_paths_are_as_long_as_they_take() 
 
 
 def test_sorbs_nodes_are_a_buffer_of_images_drawn_from_all_and_the_goals(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sorb, "BUFFER_SIZE", 10)
-    graph = graph_of(sorb_system(ROBUST), LINE, goals=(7, 21))
+    monkeypatch.setattr(temporal_distance, "BUFFER_SIZE", 10)
+    graph = graph_of(SORB.factory(ROBUST), LINE, goals=(7, 21))
     assert {7, 21} <= set(graph.nodes)
     assert 10 <= len(graph.nodes) <= 12
 
@@ -235,7 +243,7 @@ def test_sorb_drives_to_the_goal_itself_where_that_is_near_and_no_farther_than_t
 
 
 def test_sorb_is_at_no_node_that_is_farther_than_maxdist() -> None:
-    system, predictor = sorb_system(ROBUST), TemporalPredictor(one_room())
+    system, predictor = SORB.factory(ROBUST), TemporalPredictor(one_room())
     keyframes = KeyframeStore(predictor)
     graph = TopologicalGraph(system.build(LINE, keyframes, predictor, rng=np.random.default_rng(0)))
     matcher = Matcher(predictor, keyframes, system.method.matching)
@@ -262,7 +270,7 @@ def test_each_node_keeps_its_fifty_cheapest_edges() -> None:
 
 
 def test_htms_path_goes_where_scores_are_high_and_it_is_always_somewhere() -> None:
-    system, predictor = htm_system(ROBUST), TemporalPredictor(one_room())
+    system, predictor = HTM.factory(ROBUST), TemporalPredictor(one_room())
     keyframes = KeyframeStore(predictor)
     graph = TopologicalGraph(system.build(LINE, keyframes, predictor, rng=np.random.default_rng(0)))
     path = Planner(graph, ROBUST.planning, weight=system.edge_weight).plan(0, 29).nodes

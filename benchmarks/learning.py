@@ -5,7 +5,7 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.acceleration import FLOAT32
+from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard

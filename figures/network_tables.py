@@ -86,7 +86,7 @@ def _training(card: Mapping[str, Any], trained: Mapping[str, Any]) -> str:
         ("labelled pairs", format_metric(trained["pairs"])),
         ("clusters per apartment", format_metric(json.loads(trained["recipe"]).get("clusters", "–"))),
         ("pairs compared in training", format_metric(card["pairs_compared"])),
-        ("time of training", f"{card['minutes']:.0f} minutes in {card['processes']} processes"),
+        ("time of training", f"{card['minutes']:.0f} minutes in {card.get('processes', 1)} processes"),
     ]
     return _table(("", "these weights"), rows)
 

@@ -17,20 +17,14 @@ _MAX_THREADS = 4
 used: threads wait for each other at every layer, so any other busy program would slow them down several times."""
 
 
-def gpu_count() -> int:
-    """Return the number of GPUs that torch can use."""
-    return torch.cuda.device_count() if torch.cuda.is_available() else 0
-
-
-def choose_device(rank: int = 0) -> torch.device:
-    """Return the GPU of a process if there is one, else the CPU, and make it torch's default device."""
-    if gpu_count() == 0:
-        log.info("training on the CPU, %d threads per process", torch.get_num_threads())
+def choose_device() -> torch.device:
+    """Return a GPU if there is one, else the CPU, and make it torch's default device."""
+    if not torch.cuda.is_available():
+        log.info("training on the CPU, %d threads", torch.get_num_threads())
         return CPU
-    device = torch.device("cuda", rank % gpu_count())
-    torch.cuda.set_device(device)
+    device = torch.device("cuda", 0)
     torch.set_default_device(device)  # For new tensors; arrays are converted by `to_tensor`.
-    log.info("training on %s: %s", device, torch.cuda.get_device_name(device))
+    log.info("training on %s", torch.cuda.get_device_name(device))
     return device
 
 

@@ -119,8 +119,7 @@ def place_loss(logits: Tensor, labels: Tensor) -> Tensor:
     known = torch.isfinite(labels)
     positive = known & (labels > 0.5)
     negative = known & (labels < 0.5)
-    # Positives and negatives are averaged separately, because negatives are many times as frequent. The zero term keeps
-    # the graph connected, which distributed training needs.
+    # Positives and negatives are averaged separately, because negatives are many times as frequent.
     positive_loss = functional.softplus(-logits[positive]).mean() if positive.any() else logits.sum() * 0
     negative_loss = functional.softplus(logits[negative]).mean() if negative.any() else logits.sum() * 0
     return positive_loss + negative_loss

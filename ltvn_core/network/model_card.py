@@ -112,8 +112,6 @@ class ModelCard:
     """Number of pairs compared in training."""
     minutes: float
     """Training time in minutes."""
-    processes: int
-    """Number of processes in distributed training."""
     commands: Sequence[str]
     """Commands that reproduce these weights, up to differences in training time."""
     speed: InferenceSpeed

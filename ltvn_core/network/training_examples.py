@@ -40,6 +40,30 @@ class SceneExamples(Protocol):
     def reachable(self) -> NDArray[np.bool_]: ...
 
 
+class HardNegative(NamedTuple):
+    """A far pair that the network predicted as reachable."""
+
+    scene: int
+    source: int
+    target: int
+
+
+@dataclass(frozen=True, slots=True)
+class FarCriterion:
+    """Limits beyond which a pair is certainly a negative (ours; well beyond the limits of reachability)."""
+
+    distance_m: float = 3.0
+    """Pairs with a larger distance are far."""
+    yaw_rad: float = radians(92)
+    """Pairs with a larger difference of heading are far."""
+
+    def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
+        """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
+        shift = sources[:, None, :2] - targets[None, :, :2]
+        turn = np.abs(wrap_angle(sources[:, None, 2] - targets[None, :, 2]))
+        return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
+
+
 class TrainingBatch(NamedTuple):
     """B images and P pairs of them."""
 
@@ -64,29 +88,11 @@ class TrainingBatch(NamedTuple):
         """Return targets in the sources' frames (P, 3); meaningless between scenes."""
         return relative(self.poses[sources], self.poses[targets])
 
-
-class HardNegative(NamedTuple):
-    """A far pair that the network predicted as reachable."""
-
-    scene: int
-    source: int
-    target: int
-
-
-@dataclass(frozen=True, slots=True)
-class FarCriterion:
-    """Limits beyond which a pair is certainly a negative (ours; well beyond the limits of reachability)."""
-
-    distance_m: float = 3.0
-    """Pairs with a larger distance are far."""
-    yaw_rad: float = radians(92)
-    """Pairs with a larger difference of heading are far."""
-
-    def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-        """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
-        shift = sources[:, None, :2] - targets[None, :, :2]
-        turn = np.abs(wrap_angle(sources[:, None, 2] - targets[None, :, 2]))
-        return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
+    def far_apart(self, far: FarCriterion) -> NDArray[np.bool_]:
+        """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
+        if self.apart is not None:
+            return self.apart
+        return (self.scene[:, None] != self.scene[None, :]) | far.pairs(self.poses, self.poses)
 
 
 class BatchSampler:
@@ -247,7 +253,7 @@ class MixedBatchSampler(BatchSampler):
         if not self.scenes:
             return drawn
         simulated = super().draw(rng, groups=groups - groups // 2, pairs_per_group=pairs_per_group, confusions=foreign)
-        return _joined(simulated, self._simulated_apart(simulated), drawn)
+        return _joined(simulated, simulated.far_apart(self.far), drawn)
 
     def _draw_drive(
         self, rng: np.random.Generator, windows: int, pairs_per_window: int, confusions: Sequence[HardNegative]
@@ -287,10 +293,6 @@ class MixedBatchSampler(BatchSampler):
         pairs = pairs[pairs >= 0]
         keys = rng.exponential(size=len(pairs)) / self._weights_of_drive[pairs]
         return pairs[np.argsort(keys)[:count]]
-
-    def _simulated_apart(self, batch: TrainingBatch) -> NDArray[np.bool_]:
-        foreign = batch.scene[:, None] != batch.scene[None, :]
-        return foreign | self.far.pairs(batch.poses, batch.poses)
 
 
 def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: TrainingBatch) -> TrainingBatch:

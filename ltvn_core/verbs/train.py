@@ -44,8 +44,7 @@ class TrainVerb(Verb):
     steps: int | None = None
     """Train for this number of steps instead; takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None
-    """Number of processes that train together; by default one for each graphics card, or without one, two of one thread
-    each. With --system: number of scenes that are rendered at the same time, by default two."""
+    """With --system: number of scenes that are rendered at the same time, by default two."""
     bfloat16: bool = False
     """Train in mixed precision: faster on a graphics card or processor made for bfloat16, and other weights."""
     seed: int = 0

@@ -20,16 +20,12 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
-from ltvn_core.network.optimization.acceleration import MixedPrecision
 from ltvn_core.network.optimization.augmentation import Augmentation
 from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
 from ltvn_core.network.optimization.learning_loop import LearningLoop
+from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
-from ltvn_core.network.optimization.trainer import (
-    FineTuningTrainer,
-    Hyperparameters,
-    StepLosses,
-)
+from ltvn_core.network.optimization.trainer import Hyperparameters, StepLosses, Trainer
 from ltvn_core.network.pair_evaluation import (
     LabelledDrive,
     encode_images,
@@ -38,7 +34,7 @@ from ltvn_core.network.pair_evaluation import (
     predict_pairs,
 )
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.network.training_examples import LabelledTrajectory, MixedBatchSampler, SceneExamples
+from ltvn_core.network.training_examples import HardNegative, LabelledTrajectory, MixedBatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Predictor
@@ -181,8 +177,81 @@ def run_fine_tuning(
     in this thread, after every step. Raises WeightsError for weights that cannot be read, a checkpoint of another run
     and a full disk.
     """
-    fine_tuning_run = _FineTuningRun(data, start, plan, folder, on_progress or _ignore_progress, cancelled or Event())
-    return fine_tuning_run.run()
+    network = load_weights(start)
+    parent = weights_fingerprint(start)
+    _require_same_run(folder / "run.json", {"parent": parent, "drive": trajectory_fingerprint(data.drive)})
+    sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
+    trainer = Trainer(plan.learning, start=network)
+    loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps)
+    mined = -1
+
+    def report(doing: str) -> None:
+        if on_progress is not None:
+            share = min(loop.progress(), 1.0)
+            on_progress(FineTuningProgress(share=share, steps=trainer.steps, loss=loop.loss, doing=doing))
+
+    def before_step(progress: float) -> bool:
+        nonlocal mined
+        if cancelled is not None and cancelled.is_set():
+            return False
+        if (due := int(progress * plan.minings)) > mined and plan.minings:
+            trainer.confusions = _mined(trainer, sampler)
+            mined = due
+        return True
+
+    def after_step(before: float, losses: StepLosses) -> None:
+        report("learning")
+
+    def judged(weights: AnyNetwork, when: str) -> FineTuningMetrics | None:
+        if not plan.judge:
+            return None
+        report(f"judging the weights {when}")
+        return _evaluate(weights, data, plan)
+
+    judged_before = judged(network, "before")
+    # Saved also when cancelled or interrupted, so that the next run with this folder continues here.
+    try:
+        finished = loop.learn(before_step, after_step)
+    finally:
+        loop.save()
+    if not finished:
+        return None
+    report("calibrating")
+    calibrate_after_fine_tuning(trainer.average, data.drive, data.validation)
+    return FineTuningResult(
+        network=trainer.average,
+        parent=parent,
+        before=judged_before,
+        after=judged(trainer.average, "after"),
+        steps=trainer.steps,
+        pairs=trainer.pairs,
+        seconds=loop.elapsed_s,
+    )
+
+
+def _mined(trainer: Trainer, sampler: MixedBatchSampler) -> list[HardNegative]:
+    """Search the drive and one simulated scene for hard negatives."""
+    rng = np.random.default_rng([trainer.plan.seed, trainer.steps, 2])
+    drive, network = sampler.drive, trainer.average
+    rows = np.sort(rng.permutation(sampler.learnable)[:800])
+    found = hard_negatives_among(network, FLOAT32, drive, sampler.drive_number, rows, drive.far(rows, rows), rng)[:300]
+    if sampler.scenes:
+        other = int(rng.integers(len(sampler.scenes)))
+        scene = sampler.scenes[other]
+        found += mine_hard_negatives(network, FLOAT32, scene, other, sampler.far, rng, images=500)[:100]
+    log.info("step %d: mined %d confusions", trainer.steps, len(found))
+    return found
+
+
+def _evaluate(network: AnyNetwork, data: FineTuningData, plan: FineTuningPlan) -> FineTuningMetrics:
+    predictor = NetworkPredictor(network, "in fine-tuning")
+    # The same pairs before and after, so that the difference is due to the weights alone.
+    rng = np.random.default_rng(0)
+    return FineTuningMetrics(
+        evaluate_trajectory(predictor, data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far),
+        evaluate_pairs(predictor, data.validation, rng, limit=plan.validation_pairs),
+        evaluate_drives(predictor, data.drives, rng, limit=plan.validation_far) if data.drives else None,
+    )
 
 
 def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
@@ -191,109 +260,6 @@ def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
     for part in (drive.poses, drive.sources, drive.targets, drive.reachable):
         found.update(np.ascontiguousarray(part).tobytes())
     return found.hexdigest()[:12]
-
-
-class _FineTuningRun(LearningLoop):
-    """The state of one fine-tuning."""
-
-    checkpoint_every_s = 30.0
-    newest_share = 0.05
-
-    def __init__(
-        self,
-        data: FineTuningData,
-        start: Path,
-        plan: FineTuningPlan,
-        folder: Path,
-        on_progress: Callable[[FineTuningProgress], None],
-        cancelled: Event,
-    ) -> None:
-        self.data = data
-        self.plan = plan
-        self.on_progress = on_progress
-        self.cancelled = cancelled
-        self.start = load_weights(start)
-        self.parent = weights_fingerprint(start)
-        _require_same_run(folder / "run.json", {"parent": self.parent, "drive": trajectory_fingerprint(data.drive)})
-        self.drive_sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
-        trainer = FineTuningTrainer(plan.learning, self.start)
-        super().__init__(trainer, self.drive_sampler, folder, minutes=plan.minutes, steps=plan.steps)
-        self.minings = -1
-        """Number of the last search for hard negatives."""
-
-    def run(self) -> FineTuningResult | None:
-        before = self._judge(self.start, "before")
-        # Saved also when cancelled or interrupted, so that the next run with this folder continues here.
-        try:
-            finished = self.learn()
-        finally:
-            self.save()
-        if not finished:
-            return None
-        self._report("calibrating")
-        network = self.trainer.average
-        calibrate_after_fine_tuning(network, self.data.drive, self.data.validation)
-        after = self._judge(network, "after")
-        return FineTuningResult(
-            network=network,
-            parent=self.parent,
-            before=before,
-            after=after,
-            steps=self.trainer.steps,
-            pairs=self.trainer.pairs,
-            seconds=self.elapsed_s,
-        )
-
-    def goes_on(self) -> bool:
-        """Return True until the run is cancelled."""
-        return not self.cancelled.is_set()
-
-    def before_step(self, progress: float, precision: MixedPrecision) -> None:
-        """Mine hard negatives when they are due."""
-        if (due := int(progress * self.plan.minings)) > self.minings and self.plan.minings:
-            self._mine(precision)
-            self.minings = due
-
-    def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
-        """Report the loss."""
-        self._report("learning")
-
-    def _mine(self, precision: MixedPrecision) -> None:
-        """Search the drive and one simulated scene for hard negatives."""
-        rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, 2])
-        drive = self.data.drive
-        network = self.trainer.average
-        number = self.drive_sampler.drive_number
-        rows = np.sort(rng.permutation(self.drive_sampler.learnable)[:800])
-        found = hard_negatives_among(network, precision, drive, number, rows, drive.far(rows, rows), rng)[:300]
-        if self.data.scenes:
-            other = int(rng.integers(len(self.data.scenes)))
-            scene = self.data.scenes[other]
-            found += mine_hard_negatives(network, precision, scene, other, self.plan.learning.far, rng, images=500)[
-                :100
-            ]
-        self.trainer.confusions = found
-        log.info("step %d: mined %d confusions", self.trainer.steps, len(found))
-
-    def _judge(self, network: AnyNetwork, when: str) -> FineTuningMetrics | None:
-        if not self.plan.judge:
-            return None
-        self._report(f"judging the weights {when}")
-        predictor = NetworkPredictor(network, "in fine-tuning")
-        plan = self.plan
-        # The same pairs before and after, so that the difference is due to the weights alone.
-        rng = np.random.default_rng(0)
-        return FineTuningMetrics(
-            evaluate_trajectory(
-                predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far
-            ),
-            evaluate_pairs(predictor, self.data.validation, rng, limit=plan.validation_pairs),
-            evaluate_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
-        )
-
-    def _report(self, doing: str) -> None:
-        share = min(self.progress(), 1.0)
-        self.on_progress(FineTuningProgress(share=share, steps=self.trainer.steps, loss=self.loss, doing=doing))
 
 
 def _require_same_run(path: Path, run: dict[str, str]) -> None:
@@ -312,7 +278,3 @@ def _require_same_run(path: Path, run: dict[str, str]) -> None:
             f"{path.parent}: holds an unfinished fine-tuning of weights {found.get('parent')} on {found.get('drive')}, "
             f"not of {run['parent']} on {run['drive']}; finish that one, name another output, or delete the folder."
         )
-
-
-def _ignore_progress(progress: FineTuningProgress) -> None:
-    """Discard the progress."""

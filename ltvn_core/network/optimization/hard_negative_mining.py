@@ -11,7 +11,7 @@ from torch import Tensor
 from ltvn_core.network.base_network import BaseNetwork
 from ltvn_core.network.device import device_of, to_tensor
 from ltvn_core.network.image_features import FeaturesT, join
-from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import FarCriterion, HardNegative, SceneExamples
 
@@ -53,7 +53,11 @@ def hard_negatives_among(
     above: float = 0.03,
 ) -> list[HardNegative]:
     """Return the pairs marked in `apart` (N, N) that the network predicts as reachable, highest r first."""
-    features = _encode(network, precision, scene, rows)
+    parts: list[FeaturesT] = []
+    for part in np.array_split(rows, max(len(rows) // 128, 1)):
+        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000), device_of(network))
+        parts.append(precision.encode(network, rgb, depth))
+    features = join(parts)
     scores = network.rough_logits(features)
     scores[to_tensor(~apart, scores.device)] = -torch.inf
     shuffled = to_tensor(rng.permutation(scores.numel()), scores.device)
@@ -70,16 +74,6 @@ def hard_negatives_among(
     order = torch.argsort(reachability, descending=True)
     order = order[reachability[order] > above]
     return [HardNegative(scene_number, int(rows[sources[k]]), int(rows[targets[k]])) for k in order.tolist()]
-
-
-def _encode(
-    network: BaseNetwork[FeaturesT], precision: MixedPrecision, scene: SceneExamples, rows: NDArray[np.intp]
-) -> FeaturesT:
-    parts: list[FeaturesT] = []
-    for part in np.array_split(rows, max(len(rows) // 128, 1)):
-        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000), device_of(network))
-        parts.append(precision.encode(network, rgb, depth))
-    return join(parts)
 
 
 def sample_hardest(

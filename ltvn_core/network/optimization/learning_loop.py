@@ -1,26 +1,25 @@
 """The learning loop: runs steps until the time or the number of steps of a plan is reached, and saves checkpoints.
 
-Training and fine-tuning share this loop; `training_loop` and `fine_tuning_loop` define what each does between steps.
+Training, fine-tuning and the training of rivals are this loop with callbacks between the steps.
 `ltvn_core.network.optimization.trainer` runs one step.
 """
 
 import math
 import time
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 
-from ltvn_core.network.optimization.acceleration import FLOAT32, SINGLE_PROCESS, DistributedContext, MixedPrecision
+from ltvn_core.network.optimization.mixed_precision import FLOAT32, MixedPrecision
 from ltvn_core.network.optimization.trainer import StepLosses, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.training_examples import BatchSampler
 
+_CHECKPOINT_EVERY_S = 30.0
+_NEWEST_SHARE = 0.05
+"""Weight of the last step in the smoothed loss (exponential moving average)."""
 
-class LearningLoop(ABC):
-    """The state of one training or fine-tuning run; a checkpoint in its folder is resumed."""
 
-    checkpoint_every_s: float
-    """Time between checkpoints, in seconds."""
-    newest_share: float
-    """Weight of the last step in the smoothed loss (exponential moving average)."""
+class LearningLoop:
+    """One training or fine-tuning run; a checkpoint in its folder is resumed."""
 
     def __init__(
         self,
@@ -31,12 +30,10 @@ class LearningLoop(ABC):
         minutes: float | None,
         steps: int,
         precision: MixedPrecision = FLOAT32,
-        distributed_context: DistributedContext = SINGLE_PROCESS,
     ) -> None:
         """Learn for `minutes`, or for `steps` if `minutes` is None. Raises WeightsError for an unusable checkpoint."""
         self.trainer = trainer
-        self.sampler = sampler
-        self.distributed_context = distributed_context
+        self._sampler = sampler
         self._precision = precision
         self._minutes = minutes
         self._steps = steps
@@ -45,20 +42,24 @@ class LearningLoop(ABC):
         self.loss = math.nan
         """Eq. 1, smoothed; nan before the first step."""
 
-    def learn(self) -> bool:
-        """Run all remaining steps; return False if `goes_on` stopped them early."""
+    def learn(self, before_step: Callable[[float], bool], after_step: Callable[[float, StepLosses], None]) -> bool:
+        """Run all remaining steps, and return whether they all ran.
+
+        Args:
+            before_step: Called with the progress before each step; False stops early.
+            after_step: Called with the progress before the step, and with its losses.
+        """
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
         while (before := self.progress()) < 1:
-            if not self.goes_on():
+            if not before_step(before):
                 return False
-            self.before_step(before, self._precision)
-            losses = self.trainer.step(self.sampler, self._precision, before, self.distributed_context)
-            # All processes must agree on the time, or one would wait for gradients forever.
-            self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
-            self._smooth(losses.loss)
-            self.after_step(before, losses, self._precision)
-            if self.distributed_context.is_leader and time.monotonic() - saved > self.checkpoint_every_s:
+            losses = self.trainer.step(self._sampler, self._precision, before)
+            self.elapsed_s = time.monotonic() - start
+            first = math.isnan(self.loss)
+            self.loss = losses.loss if first else (1 - _NEWEST_SHARE) * self.loss + _NEWEST_SHARE * losses.loss
+            after_step(before, losses)
+            if time.monotonic() - saved > _CHECKPOINT_EVERY_S:
                 self.save()
                 saved = time.monotonic()
         return True
@@ -72,19 +73,3 @@ class LearningLoop(ABC):
     def save(self) -> None:
         """Write a checkpoint."""
         save_checkpoint(self.trainer, self._checkpoint, seconds=self.elapsed_s)
-
-    @abstractmethod
-    def goes_on(self) -> bool:
-        """Return whether to run another step."""
-
-    @abstractmethod
-    def before_step(self, progress: float, precision: MixedPrecision) -> None:
-        """Do what is due before the step at this progress."""
-
-    @abstractmethod
-    def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
-        """Do what is due after a step; `before` is the progress before the step."""
-
-    def _smooth(self, loss: float) -> None:
-        share = self.newest_share
-        self.loss = loss if math.isnan(self.loss) else (1 - share) * self.loss + share * loss

@@ -1,9 +1,8 @@
 """The trainer: a network, the moving average of its weights and an optimiser, updated by steps, and checkpoints.
 
 Owns the hyperparameters, the forward pass of a step (augments and encodes images, chooses and compares pairs, sums the
-loss) and the update. The pass is a module, so that DistributedDataParallel can average the gradients of its backward
-pass. `ltvn_core.network.optimization.learning_loop` decides when to step and to save. Fine-tuning starts from trained
-weights and keeps the statistics of batch normalisation.
+loss) and the update. `ltvn_core.network.optimization.learning_loop` decides when to step and to save. A trainer that
+starts from trained weights keeps their statistics of batch normalisation.
 
 A checkpoint is a safetensors file, written to a temporary name and then renamed. It contains the state of the trainer
 and the time spent; everything else follows from the plan.
@@ -24,13 +23,12 @@ from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
 from ltvn_core.network.base_network import AnyNetwork, ComparedBatch
-from ltvn_core.network.device import CPU, device_of, to_tensor
-from ltvn_core.network.image_features import EncodedImages
+from ltvn_core.network.device import CPU, to_tensor
 from ltvn_core.network.loss import pair_loss
 from ltvn_core.network.network_families import build_network
-from ltvn_core.network.optimization.acceleration import SINGLE_PROCESS, DistributedContext, MixedPrecision
 from ltvn_core.network.optimization.augmentation import Augmentation, augment, mirror
 from ltvn_core.network.optimization.hard_negative_mining import sample_hardest
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative, TrainingBatch
 from ltvn_core.structured_text import parse_json
@@ -54,7 +52,7 @@ class Hyperparameters:
     place: float = 0.1
     """Weight of the auxiliary loss on the cheap place score, in networks that have one."""
     groups: int = 10
-    """Number of image clusters per step and process."""
+    """Number of image clusters per step."""
     pairs_per_group: int = 18
     """Number of labelled pairs per cluster."""
     evened: bool = True
@@ -82,79 +80,6 @@ class Hyperparameters:
     """Augmentation of the images."""
 
 
-class TrainingStep(nn.Module):
-    """The loss of a network on a batch."""
-
-    def __init__(self, network: AnyNetwork, plan: Hyperparameters) -> None:
-        super().__init__()
-        self.network = network
-        self.plan = plan
-
-    def forward(
-        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
-    ) -> tuple[Tensor, Tensor, int]:
-        """Return the loss of Eq. 1, the total loss with the auxiliary terms, and the number of pairs."""
-        plan = self.plan
-        device = device_of(self.network)
-        features, mirrored = self._encode(batch, precision, rng, generator)
-        # Detached, so that no gradient reaches the score through the choice of hard pairs.
-        sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
-        true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
-        waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, device).float()
-        source_features = features.take(sources)
-        target_features = features.take(targets)
-        output = precision.compare(self.network, source_features, target_features)
-        doubt = self.network.reachability_loss(output.logit, reachable)
-        loss = pair_loss(doubt, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
-        scene = to_tensor(batch.scene, device)
-        known = self._known_labels(batch, sources, targets, reachable)
-        compared = ComparedBatch(
-            features, source_features, target_features, output, waypoints, scene[sources] == scene[targets], known
-        )
-        weights = {"matching": plan.matching, "place": plan.place}
-        extra = [weights[name] * term for name, term in self.network.auxiliary_losses(compared).items()]
-        return loss, loss + sum(extra), len(sources)
-
-    def _encode(
-        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
-    ) -> tuple[EncodedImages, bool]:
-        device = device_of(self.network)
-        rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000), device)
-        rgb, depth = augment(rgb, depth, to_tensor(batch.scene, device), self.plan.augmentation, generator)
-        if mirrored := bool(rng.random() < 0.5):
-            rgb, depth = mirror(rgb, depth)
-        return precision.encode(self.network, rgb, depth), mirrored
-
-    def _pairs(self, batch: TrainingBatch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-        """Return sources, targets and labels (P,) of the batch's pairs and of additional far pairs."""
-        device = rough.device
-        far = self._far(batch)
-        hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
-        same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
-        # Random pairs are drawn within a scene, because pairs of different scenes are easy.
-        random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
-        sources = torch.cat([to_tensor(batch.sources, device), hard[0], random[0]])
-        targets = torch.cat([to_tensor(batch.targets, device), hard[1], random[1]])
-        labels = torch.zeros(len(sources), device=device)
-        labels[: len(batch.sources)] = to_tensor(batch.reachable, device).float()
-        return sources, targets, labels
-
-    def _far(self, batch: TrainingBatch) -> Tensor:
-        """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
-        apart = batch.apart
-        if apart is None:
-            different_scene = batch.scene[:, None] != batch.scene[None, :]
-            apart = different_scene | self.plan.far.pairs(batch.poses, batch.poses)
-        return to_tensor(apart, device_of(self.network))
-
-    def _known_labels(self, batch: TrainingBatch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:
-        """Return (B, B): 1 reachable, 0 not, nan unknown."""
-        labels = torch.full((len(batch.rgb), len(batch.rgb)), torch.nan, device=reachable.device)
-        labels[self._far(batch)] = 0.0
-        labels[sources, targets] = reachable
-        return labels
-
-
 @dataclass(frozen=True, slots=True)
 class StepLosses:
     """The losses of one step."""
@@ -168,57 +93,95 @@ class StepLosses:
 class Trainer:
     """Network, averaged weights and optimiser; an interrupted training repeats the same steps after resuming."""
 
-    def __init__(self, plan: Hyperparameters, size: AnyArchitecture | None = None, device: torch.device = CPU) -> None:
+    def __init__(
+        self,
+        plan: Hyperparameters,
+        size: AnyArchitecture | None = None,
+        device: torch.device = CPU,
+        *,
+        start: AnyNetwork | None = None,
+    ) -> None:
+        """Begin with random weights of a size, or with those of `start`, whose size replaces the given one."""
         self.plan = plan
         self.device = device
         torch.manual_seed(plan.seed)
-        size = size or PairArchitecture()
+        size = start.size if start else size or PairArchitecture()
         self.network = build_network(size).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = build_network(size).to(device).eval()
-        self._step = TrainingStep(self.network, plan)
-        self._distributed_step: nn.Module | None = None
+        if start:
+            self.network.load_state_dict(start.state_dict())
         self.average.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=plan.decay)
         self.steps = 0
         self.pairs = 0
         self.confusions: list[HardNegative] = []
+        self._freezes = start is not None
 
-    def step(
-        self,
-        sampler: BatchSampler,
-        precision: MixedPrecision,
-        progress: float,
-        distributed_context: DistributedContext = SINGLE_PROCESS,
-    ) -> StepLosses:
-        """Update the weights with one batch per process; progress in [0, 1] sets the learning rate."""
-        rng = np.random.default_rng([self.plan.seed, self.steps, distributed_context.rank])
+    def step(self, sampler: BatchSampler, precision: MixedPrecision, progress: float) -> StepLosses:
+        """Update the weights with one batch; progress in [0, 1] sets the learning rate."""
+        rng = np.random.default_rng([self.plan.seed, self.steps, 0])
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**31)))
         mined = [self.confusions[k] for k in rng.permutation(len(self.confusions))[: self.plan.confusions]]
         batch = sampler.draw(rng, groups=self.plan.groups, pairs_per_group=self.plan.pairs_per_group, confusions=mined)
         for group in self.optimiser.param_groups:
             group["lr"] = self.plan.rate * learning_rate_schedule(progress, self.plan.warm_up)
-        self._prepare()
+        self.network.train()
+        if self._freezes:
+            freeze_batch_norm(self.network)
         self.optimiser.zero_grad(set_to_none=True)
-        loss, total, pairs = self._step_module(distributed_context)(batch, precision, rng, generator)
+        loss, total, pairs = self._losses(batch, precision, rng, generator)
         total.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
         self.optimiser.step()
         self.steps += 1
-        self.pairs += pairs * distributed_context.size
+        self.pairs += pairs
         self._update_average()
         return StepLosses(loss.item(), total.item())
 
-    def _prepare(self) -> None:
-        """Prepare the network for training."""
-        self.network.train()
+    def _losses(
+        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, int]:
+        """Return the loss of Eq. 1, the total loss with the auxiliary terms, and the number of pairs."""
+        plan = self.plan
+        scene = to_tensor(batch.scene, self.device)
+        rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000), self.device)
+        rgb, depth = augment(rgb, depth, scene, plan.augmentation, generator)
+        if mirrored := bool(rng.random() < 0.5):
+            rgb, depth = mirror(rgb, depth)
+        features = precision.encode(self.network, rgb, depth)
+        far = to_tensor(batch.far_apart(plan.far), self.device)
+        # Detached, so that no gradient reaches the score through the choice of hard pairs.
+        rough = self.network.rough_logits(features).detach()
+        sources, targets, reachable = self._pairs(batch, rough, far, scene[:, None] == scene[None, :], generator)
+        true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
+        waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, self.device).float()
+        source_features = features.take(sources)
+        target_features = features.take(targets)
+        output = precision.compare(self.network, source_features, target_features)
+        doubt = self.network.reachability_loss(output.logit, reachable)
+        loss = pair_loss(doubt, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
+        known = torch.full(far.shape, torch.nan, device=self.device)
+        known[far] = 0.0
+        known[sources, targets] = reachable
+        compared = ComparedBatch(
+            features, source_features, target_features, output, waypoints, scene[sources] == scene[targets], known
+        )
+        weights = {"matching": plan.matching, "place": plan.place}
+        extra = [weights[name] * term for name, term in self.network.auxiliary_losses(compared).items()]
+        return loss, loss + sum(extra), len(sources)
 
-    def _step_module(self, distributed_context: DistributedContext) -> nn.Module:
-        """Return the step; with several processes its backward pass averages their gradients."""
-        if distributed_context.size == 1:
-            return self._step
-        if self._distributed_step is None:
-            self._distributed_step = distributed_context.synchronize_gradients(self._step)
-        return self._distributed_step
+    def _pairs(
+        self, batch: TrainingBatch, rough: Tensor, far: Tensor, same_scene: Tensor, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return sources, targets and labels (P,) of the batch's pairs and of additional far pairs."""
+        hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
+        # Random pairs are drawn within a scene, because pairs of different scenes are easy.
+        random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
+        sources = torch.cat([to_tensor(batch.sources, self.device), hard[0], random[0]])
+        targets = torch.cat([to_tensor(batch.targets, self.device), hard[1], random[1]])
+        labels = torch.zeros(len(sources), device=self.device)
+        labels[: len(batch.sources)] = to_tensor(batch.reachable, self.device).float()
+        return sources, targets, labels
 
     @torch.no_grad()
     def _update_average(self) -> None:
@@ -237,19 +200,6 @@ def learning_rate_schedule(progress: float, warm_up: float) -> float:
         return max(progress / warm_up, 0.02)
     decayed = (min(progress, 1.0) - warm_up) / (1 - warm_up)
     return 0.01 + 0.99 * (1 + math.cos(math.pi * decayed)) / 2
-
-
-class FineTuningTrainer(Trainer):
-    """A trainer that starts from trained weights."""
-
-    def __init__(self, plan: Hyperparameters, start: AnyNetwork) -> None:
-        super().__init__(plan, start.size)
-        self.network.load_state_dict(start.state_dict())
-        self.average.load_state_dict(start.state_dict())
-
-    def _prepare(self) -> None:
-        super()._prepare()
-        freeze_batch_norm(self.network)
 
 
 def freeze_batch_norm(network: nn.Module) -> None:

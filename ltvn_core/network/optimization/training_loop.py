@@ -6,36 +6,26 @@ Writes `validation.jsonl`, the best weights and, if TensorBoard is installed, cu
 import json
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from tqdm import tqdm
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
 from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.device import CPU
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics
-from ltvn_core.network.optimization.acceleration import (
-    SINGLE_PROCESS,
-    DistributedContext,
-    MixedPrecision,
-    run_distributed,
-)
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
 from ltvn_core.network.optimization.learning_loop import LearningLoop
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
-from ltvn_core.network.optimization.trainer import (
-    FineTuningTrainer,
-    Hyperparameters,
-    StepLosses,
-    Trainer,
-    learning_rate_schedule,
-)
+from ltvn_core.network.optimization.trainer import Hyperparameters, StepLosses, Trainer, learning_rate_schedule
 from ltvn_core.network.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import BatchSampler, SceneExamples
@@ -68,7 +58,7 @@ class TrainingPlan:
     minings: int = 14
     """Number of searches for hard negatives, evenly spaced over training after its first tenth."""
     mined_scenes: int = 4
-    """Number of training scenes per search for hard negatives and process."""
+    """Number of training scenes per search for hard negatives."""
     patience: int = 4
     """Number of consecutive validations without improvement after which training stops early."""
     validation_pairs: int = 2500
@@ -101,11 +91,11 @@ class TrainingResult:
     weights: Path
     """The best weights, calibrated."""
     best: ValidationMetrics | None
-    """Metrics of these weights on the validation data, before calibration; None in all processes but the leader."""
+    """Metrics of these weights on the validation data, before calibration."""
     steps: int
     """Total number of steps."""
     pairs: int
-    """Approximate number of pairs compared; all processes draw nearly the same number."""
+    """Number of pairs compared."""
     seconds: float
     """Total training time."""
 
@@ -123,12 +113,7 @@ class TrainingData:
 
 
 def train(
-    data: TrainingData,
-    plan: TrainingPlan,
-    folder: Path,
-    distributed_context: DistributedContext = SINGLE_PROCESS,
-    *,
-    start: Path | None = None,
+    data: TrainingData, plan: TrainingPlan, folder: Path, *, start: Path | None = None, device: torch.device = CPU
 ) -> TrainingResult:
     """Train a network and keep the weights that are best on the validation data.
 
@@ -136,155 +121,70 @@ def train(
         data: Training and validation data.
         plan: Settings of the training.
         folder: Folder for checkpoint, log and best weights; a checkpoint in it is resumed.
-        distributed_context: Rank and device of this process in distributed training.
-        start: Trained weights to start from, on the CPU; their architecture replaces that of the plan.
+        start: Trained weights to start from; their architecture replaces that of the plan.
+        device: Device of the network.
 
     Raises:
         WeightsError: The checkpoint belongs to another plan, or `start` cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     retain_freed_memory()
-    return _TrainingRun(data, plan, folder, distributed_context, start).run()
+    learning = plan.learning
+    trainer = Trainer(learning, plan.architecture, device, start=None if start is None else load_weights(start))
+    precision = MixedPrecision(plan.bfloat16)
+    sampler = BatchSampler(data.scenes, evened=learning.evened)
+    loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps, precision=precision)
+    curves = TensorBoardLog(folder / "tensorboard")
+    validation = Validation(data, plan, folder, curves)
+    bar = tqdm(
+        total=100.0,
+        initial=round(100 * loop.progress(), 1),
+        desc="training",
+        bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
+        mininterval=1.0,
+    )
+
+    def after_step(before: float, losses: StepLosses) -> None:
+        progress = loop.progress()
+        bar.set_postfix(step=trainer.steps, loss=f"{loop.loss:.3f}", refresh=False)
+        bar.update(100 * min(progress, 1) - bar.n)
+        if trainer.steps % _SCALARS_EVERY == 0:
+            figures = {
+                "loss": losses.loss,
+                "total": losses.total,
+                "rate": learning.rate * learning_rate_schedule(progress, learning.warm_up),
+                "pairs_per_s": trainer.pairs / max(loop.elapsed_s, 1e-3),
+                "confusions": len(trainer.confusions),
+            }
+            curves.add(trainer.steps, "training", figures)
+        if _due(before, progress, plan.validations, begin=0.0):
+            validation.validate(trainer.average, trainer.steps, seconds=loop.elapsed_s)
+        elif _due(before, progress, plan.minings, begin=0.1):
+            _mine(trainer, data.scenes, plan.mined_scenes, precision)
+
+    loop.learn(lambda progress: validation.without_improvement < plan.patience, after_step)
+    bar.close()
+    loop.save()
+    if validation.best is None or validation.best.steps != trainer.steps:
+        validation.validate(trainer.average, trainer.steps, seconds=loop.elapsed_s)
+    curves.close()
+    network = load_weights(validation.weights)
+    calibrate_reachability(network, [(scene, np.arange(len(scene.sources))) for scene in data.validation])
+    weights = folder / "weights.safetensors"
+    save_weights(network, weights)
+    return TrainingResult(
+        weights=weights, best=validation.best, steps=trainer.steps, pairs=trainer.pairs, seconds=loop.elapsed_s
+    )
 
 
-def train_distributed(
-    load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, *, processes: int
-) -> TrainingResult:
-    """Train in several processes, each of which loads the data itself; `load` must be picklable."""
-    return run_distributed(partial(_train_worker, load, plan, folder), processes)
-
-
-def _train_worker(
-    load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, distributed_context: DistributedContext
-) -> TrainingResult:
-    if distributed_context.size > 1:
-        logging.basicConfig(
-            level=logging.INFO if distributed_context.is_leader else logging.WARNING, format="%(asctime)s %(message)s"
-        )
-    return train(load(), plan, folder, distributed_context)
-
-
-class _TrainingRun(LearningLoop):
-    """The state of one training run."""
-
-    checkpoint_every_s = 60.0
-    newest_share = 0.02
-
-    def __init__(
-        self,
-        data: TrainingData,
-        plan: TrainingPlan,
-        folder: Path,
-        distributed_context: DistributedContext,
-        start: Path | None,
-    ) -> None:
-        sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
-        trainer = _create_trainer(plan, distributed_context, start)
-        super().__init__(
-            trainer,
-            sampler,
-            folder,
-            minutes=plan.minutes,
-            steps=plan.steps,
-            precision=MixedPrecision(plan.bfloat16),
-            distributed_context=distributed_context,
-        )
-        self.data = data
-        self.plan = plan
-        self.folder = folder
-        self.scalars = TensorBoardLog(folder / "tensorboard") if distributed_context.is_leader else None
-        self.validation = Validation(data, plan, folder, self.scalars)
-        self.bar = tqdm(
-            total=100.0,
-            initial=round(100 * self.progress(), 1),
-            desc="training",
-            bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
-            disable=not distributed_context.is_leader,
-            mininterval=1.0,
-        )
-
-    def run(self) -> TrainingResult:
-        self.learn()
-        self.bar.close()
-        return self._finish()
-
-    def goes_on(self) -> bool:
-        """Return whether validations still improve; all processes must agree on when to stop."""
-        return self.distributed_context.broadcast_from_leader(self.validation.without_improvement) < self.plan.patience
-
-    def before_step(self, progress: float, precision: MixedPrecision) -> None:
-        """Do nothing."""
-
-    def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
-        """Show the loss; validate and mine when they are due."""
-        self.bar.set_postfix(step=self.trainer.steps, loss=f"{self.loss:.3f}", refresh=False)
-        self.bar.update(100 * min(self.progress(), 1) - self.bar.n)
-        self._plot(losses)
-        self._validate_or_mine(before, precision)
-
-    def _plot(self, report: StepLosses) -> None:
-        if self.scalars is None or self.trainer.steps % _SCALARS_EVERY:
-            return
-        rate = self.plan.learning.rate * learning_rate_schedule(self.progress(), self.plan.learning.warm_up)
-        self.scalars.add(
-            self.trainer.steps,
-            training__loss=report.loss,
-            training__total=report.total,
-            training__rate=rate,
-            training__pairs_per_s=self.trainer.pairs / max(self.elapsed_s, 1e-3),
-            training__confusions=len(self.trainer.confusions),
-        )
-
-    def _validate_or_mine(self, before: float, precision: MixedPrecision) -> None:
-        """Validate and mine when they are due; while the leader validates, the others mine."""
-        validating = _due(before, self.progress(), self.plan.validations, begin=0.0)
-        mining = _due(before, self.progress(), self.plan.minings, begin=0.1)
-        if validating and self.distributed_context.is_leader:
-            self._validate()
-        elif mining or (validating and self.plan.minings > 0 and self.progress() > 0.1):
-            self._mine(precision)
-
-    def _mine(self, precision: MixedPrecision) -> None:
-        rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, self.distributed_context.rank, 1])
-        scenes = self.data.scenes
-        for number in rng.choice(len(scenes), min(self.plan.mined_scenes, len(scenes)), replace=False):
-            scene = scenes[int(number)]
-            kept = [c for c in self.trainer.confusions if c.scene != number]
-            found = mine_hard_negatives(
-                self.trainer.average, precision, scene, int(number), self.plan.learning.far, rng
-            )
-            # At most 200 per scene, so that one confusing scene does not fill all batches.
-            self.trainer.confusions = kept + found[:200]
-        log.info("mined %d confusions", len(self.trainer.confusions))
-
-    def _validate(self) -> None:
-        """Evaluate the averaged weights and keep them if they are the best so far."""
-        self.validation.validate(self.trainer.average, self.trainer.steps, seconds=self.elapsed_s)
-
-    def _finish(self) -> TrainingResult:
-        weights = self.folder / "weights.safetensors"
-        if self.scalars is not None:
-            self.scalars.close()
-        if self.distributed_context.is_leader:
-            self.save()
-            if self.validation.best is None or self.validation.best.steps != self.trainer.steps:
-                self._validate()
-            network = load_weights(self.validation.weights)
-            calibrate_reachability(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
-            save_weights(network, weights)
-        return TrainingResult(
-            weights=weights,
-            best=self.validation.best,
-            steps=self.trainer.steps,
-            pairs=self.trainer.pairs,
-            seconds=self.elapsed_s,
-        )
-
-
-def _create_trainer(plan: TrainingPlan, distributed_context: DistributedContext, start: Path | None) -> Trainer:
-    if start is not None:
-        return FineTuningTrainer(plan.learning, load_weights(start))
-    return Trainer(plan.learning, plan.architecture, distributed_context.device)
+def _mine(trainer: Trainer, scenes: Sequence[SceneExamples], count: int, precision: MixedPrecision) -> None:
+    """Search some of the scenes for hard negatives; the trainer keeps those of the others."""
+    rng = np.random.default_rng([trainer.plan.seed, trainer.steps, 0, 1])
+    for number in rng.choice(len(scenes), min(count, len(scenes)), replace=False).tolist():
+        found = mine_hard_negatives(trainer.average, precision, scenes[number], number, trainer.plan.far, rng)
+        # At most 200 per scene, so that one confusing scene does not fill all batches.
+        trainer.confusions = [each for each in trainer.confusions if each.scene != number] + found[:200]
+    log.info("mined %d confusions", len(trainer.confusions))
 
 
 def _due(before: float, after: float, times: int, *, begin: float) -> bool:
@@ -309,16 +209,11 @@ class TensorBoardLog:
         self._writer = SummaryWriter(folder)
         log.info("Curves: tensorboard --logdir %s", folder)
 
-    def add(self, step: int, **values: float) -> None:
-        """Add a point to each of the named curves; two underscores separate group and name."""
-        if self._writer is None:
-            return
-        for name, value in values.items():
-            self._writer.add_scalar(name.replace("__", "/"), value, step)
-
-    def add_metrics(self, step: int, group: str, metrics: Mapping[str, float]) -> None:
+    def add(self, step: int, group: str, values: Mapping[str, float]) -> None:
         """Add a point to each curve of a group."""
-        self.add(step, **{f"{group}__{name}": value for name, value in metrics.items()})
+        if self._writer is not None:
+            for name, value in values.items():
+                self._writer.add_scalar(f"{group}/{name}", value, step)
 
     def close(self) -> None:
         """Write pending points and close the file."""
@@ -329,11 +224,11 @@ class TensorBoardLog:
 class Validation:
     """Evaluates the weights of one training run, and saves the best ones and all metrics in its folder."""
 
-    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, scalars: TensorBoardLog | None) -> None:
+    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, curves: TensorBoardLog) -> None:
         self._data = data
         self._plan = plan
         self._folder = folder
-        self._scalars = scalars
+        self._curves = curves
         self.weights = folder / "best.safetensors"
         self.best = _read_best(folder / _BEST)
         """Metrics of the best weights so far, including those before an interruption."""
@@ -346,9 +241,8 @@ class Validation:
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         is_best = self.best is None or found.score > self.best.score
         self._write(found, seconds, is_best=is_best)
-        if self._scalars is not None:
-            self._scalars.add_metrics(found.steps, "pairs", asdict(found.pairs))
-            self._scalars.add_metrics(found.steps, "drives", asdict(found.drives) if found.drives else {})
+        self._curves.add(found.steps, "pairs", asdict(found.pairs))
+        self._curves.add(found.steps, "drives", asdict(found.drives) if found.drives else {})
         if is_best:
             self.best = found
             self.without_improvement = 0

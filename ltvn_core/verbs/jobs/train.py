@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ltvn_core.errors import DatasetError, OptionError
-from ltvn_core.network.device import gpu_count
+from ltvn_core.network.device import choose_device
 from ltvn_core.network.model_card import (
     HeldOutMetrics,
     InferenceSpeed,
@@ -13,7 +13,7 @@ from ltvn_core.network.model_card import (
 )
 from ltvn_core.network.network_families import default_architecture
 from ltvn_core.network.optimization.trainer import Hyperparameters
-from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train_distributed
+from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.shards import Shard, dataset_shards, read_shard, split_shards
 from ltvn_core.network.weights_file import load_weights, save_weights
@@ -83,6 +83,8 @@ def _check(options: TrainVerb) -> None:
     is_baseline = options.system != DEFAULT_SYSTEM
     if options.fresh and not is_baseline:
         raise OptionError("--fresh needs --system; the network of ltvn always starts from random weights.")
+    if options.processes and not is_baseline:
+        raise OptionError("--processes needs --system; the network of ltvn is trained by one process.")
     if is_baseline and (options.evaluate or options.bfloat16 or options.architecture != "aligned-pairs"):
         raise OptionError(
             "--evaluate, --architecture and --bfloat16 are for the network of ltvn; leave them or --system out."
@@ -91,11 +93,14 @@ def _check(options: TrainVerb) -> None:
 
 def _trained(options: TrainVerb, output: Path, work: Path) -> TrainSummary:
     plan = _plan(options)
-    load = LoadTrainingData(options.data, images=_SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE)
-    result = train_distributed(load, plan, work, processes=_processes(options))
+    device = choose_device()
+    learned, validation = read_shards(options.data)
+    images = _SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE
+    seen = drives([shard.name for shard in validation], images=images)
+    result = train(TrainingData(learned, validation, seen), plan, work, device=device)
     network = load_weights(result.weights)
     measured = _measure(options, result.weights)
-    card = _card(options, output, plan, result, measure_speed(network), measured)
+    card = _card(options, output, learned, plan, result, measure_speed(network), measured)
     save_weights(network, output, asdict(card))
     speed = card.speed
     found = figures(output, measured)
@@ -143,10 +148,6 @@ def _minutes(options: TrainVerb) -> float:
     return _MINUTES if options.minutes is None else options.minutes
 
 
-def _processes(options: TrainVerb) -> int:
-    return options.processes or gpu_count() or 2
-
-
 def _checked_output(options: TrainVerb) -> Path:
     """Return the output file. Raises OptionError if none is given or the file exists."""
     if options.output is None:
@@ -159,43 +160,28 @@ def _checked_output(options: TrainVerb) -> Path:
 def _card(
     options: TrainVerb,
     output: Path,
+    learned: list[Shard],
     plan: TrainingPlan,
     result: TrainingResult,
     speed: InferenceSpeed,
     measured: HeldOutMetrics,
 ) -> ModelCard:
-    learned, _ = read_shards(options.data)
     return ModelCard(
         training_data_summary(learned),
         plan,
         result.steps,
         result.pairs,
         result.seconds / 60,
-        _processes(options),
         (
             f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
             f"ltvn train --data data --architecture {options.architecture} --output {output.name} "
             + (f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}")
-            + f" --processes {_processes(options)} --seed {options.seed}"
+            + f" --seed {options.seed}"
             + (" --bfloat16" if options.bfloat16 else ""),
         ),
         speed,
         measured,
     )
-
-
-@dataclass(frozen=True)
-class LoadTrainingData:
-    """Loads a dataset in each process of a training."""
-
-    folder: Path
-    images: int
-    """Number of images of the drive through each validation scene."""
-
-    def __call__(self) -> TrainingData:
-        """Read all shards, and render the drives through the validation scenes. Raises DatasetError."""
-        learned, validation = read_shards(self.folder)
-        return TrainingData(learned, validation, drives([shard.name for shard in validation], images=self.images))
 
 
 def read_shards(folder: Path) -> tuple[list[Shard], list[Shard]]:

@@ -97,6 +97,7 @@ def test_layers_that_are_added_to_the_shipped_weights_cannot_learn_from_nothing(
     ("verb", "named"),
     [
         (TrainVerb(output=Path("new.safetensors"), fresh=True), "--fresh"),
+        (TrainVerb(output=Path("new.safetensors"), processes=2), "--processes"),
         (TrainVerb(system="sptm", evaluate=True), "--evaluate"),
         (TrainVerb(system="sptm", output=Path("new.safetensors"), architecture="stacked"), "--architecture"),
         (TrainVerb(system="sptm", output=Path("new.safetensors"), bfloat16=True), "--bfloat16"),

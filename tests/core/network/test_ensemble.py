@@ -27,7 +27,7 @@ from ltvn_core.network.network_families import (
     default_architecture,
     extend_network,
 )
-from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.training_loop import train
 from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from ltvn_core.errors import DatasetError, WeightsError
+from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
-from ltvn_core.network.optimization.acceleration import FLOAT32
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
+from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.reachability_calibration import fit_platt
 from ltvn_core.network.optimization.trainer import (
     Hyperparameters,
@@ -20,7 +20,7 @@ from ltvn_core.network.optimization.trainer import (
     restore_checkpoint,
     save_checkpoint,
 )
-from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, train, train_distributed
+from ltvn_core.network.optimization.training_loop import TrainingPlan, train
 from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative
@@ -97,25 +97,6 @@ def test_training_goes_on_after_an_interruption_and_ends_with_calibrated_weights
     pairs, drives = evaluate_all_pairs(predictor, [tiny_drive()])
     assert pairs.pairs == 40 * 39
     assert drives == evaluate_drives(predictor, [tiny_drive()], np.random.default_rng(0))
-
-
-@pytest.mark.slow
-def test_two_processes_train_one_network(tmp_path: Path) -> None:
-    plan = TrainingPlan(PLAN, SMALL, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
-    result = train_distributed(tiny_data, plan, tmp_path, processes=2)
-    assert result.steps == 2
-    assert result.best is not None
-    assert len(load_predictor(result.weights).fingerprint) == 12
-
-
-@pytest.mark.slow
-def test_an_error_in_a_process_is_told_as_it_is(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="no data today"):
-        train_distributed(no_data, TrainingPlan(PLAN, SMALL, minutes=None, steps=2), tmp_path, processes=2)
-
-
-def no_data() -> TrainingData:
-    raise DatasetError("no data today")
 
 
 @pytest.mark.slow

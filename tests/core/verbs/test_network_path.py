@@ -29,7 +29,7 @@ def test_data_training_and_fine_tuning_follow_each_other(tmp_path: Path, monkeyp
     made = ltvn("dataset", "--scenes", *scenes, "--clusters", 4, "--processes", 1, summary=summary)
     assert made["pairs"] > 2 * 4 * 56
 
-    trained = ltvn("train", "--output", "first.safetensors", "--steps", 2, "--processes", 1, *SMALL, summary=summary)
+    trained = ltvn("train", "--output", "first.safetensors", "--steps", 2, *SMALL, summary=summary)
     assert trained["steps"] == 2
     assert 0 < trained["figures"]["auc"] < 1  # So few steps teach nothing yet.
 

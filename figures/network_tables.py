@@ -78,6 +78,8 @@ def _limits(recipe: str) -> str:
 
 
 def _training(card: Mapping[str, Any], trained: Mapping[str, Any]) -> str:
+    # Cards of weights that several processes trained together have their number.
+    together = f" in {card['processes']} processes" if "processes" in card else ""
     rows = [
         ("weights", f"`{card['fingerprint']}`"),
         ("apartments to learn from", format_metric(len(trained["scenes"]))),
@@ -86,7 +88,7 @@ def _training(card: Mapping[str, Any], trained: Mapping[str, Any]) -> str:
         ("labelled pairs", format_metric(trained["pairs"])),
         ("clusters per apartment", format_metric(json.loads(trained["recipe"]).get("clusters", "–"))),
         ("pairs compared in training", format_metric(card["pairs_compared"])),
-        ("time of training", f"{card['minutes']:.0f} minutes in {card.get('processes', 1)} processes"),
+        ("time of training", f"{card['minutes']:.0f} minutes{together}"),
     ]
     return _table(("", "these weights"), rows)
 

@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative
 from ltvn_core.network.architecture import PairArchitecture
@@ -106,14 +105,18 @@ class BaselineCard:
 
 def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
     """Evaluate a predictor on all labelled pairs of scenes."""
-    scores, waypoints = (np.concatenate(part) for part in zip(*(_predict(predictor, s) for s in scenes), strict=True))
+    found_in = [
+        predict_pairs(
+            predictor,
+            encode_images(predictor, scene.rgb, scene.depth_mm),
+            scene.sources.astype(np.intp),
+            scene.targets.astype(np.intp),
+        )
+        for scene in scenes
+    ]
+    scores, waypoints = (np.concatenate(part) for part in zip(*found_in, strict=True))
     reachable = np.concatenate([scene.reachable for scene in scenes])
     true = np.concatenate([relative(scene.poses[scene.sources], scene.poses[scene.targets]) for scene in scenes])
     found = asdict(pair_metrics(scores, waypoints, reachable, true))
     named = {field.name: found[field.name] for field in fields(BaselineMetrics) if field.name in found}
     return BaselineMetrics(accuracy=share((scores > 0.5) == reachable), **named)
-
-
-def _predict(predictor: Predictor, scene: SceneExamples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    features = encode_images(predictor, scene.rgb, scene.depth_mm)
-    return predict_pairs(predictor, features, scene.sources.astype(np.intp), scene.targets.astype(np.intp))

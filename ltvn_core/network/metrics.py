@@ -156,7 +156,13 @@ def calibration_table(
     edges = np.linspace(0, 1, bins + 1).tolist()
     rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in _inside(edges, reachability)]
     return tuple(
-        CalibrationBin(low=low, high=high, pairs=len(r), predicted=_mean(r), reachable=or_none(share(truth)))
+        CalibrationBin(
+            low=low,
+            high=high,
+            pairs=len(r),
+            predicted=float(r.mean()) if len(r) else None,
+            reachable=or_none(share(truth)),
+        )
         for low, high, r, truth in rows
     )
 
@@ -189,10 +195,6 @@ def _inside(edges: Sequence[float], quantity: NDArray[np.float64]) -> list[tuple
 def or_none(number: float) -> float | None:
     """Return a number, None for NaN: JSON has none."""
     return None if np.isnan(number) else number
-
-
-def _mean(numbers: NDArray[np.float64]) -> float | None:
-    return float(numbers.mean()) if len(numbers) else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,7 +163,7 @@ def rival(
             edge_weight=weighs,
             localise=localises,
             subgoal=subgoal,
-            maintenance=maintenance if maintenance and method.maintain else NoMaintenance(),
+            maintenance=NoMaintenance() if maintenance is None or not method.maintain else maintenance,
         )
 
     return SystemEntry(name=name, label=label, factory=factory, weights=weights, learning=learning)

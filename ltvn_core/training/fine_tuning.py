@@ -141,11 +141,12 @@ def fine_tune(
         DatasetError: The rehearsal data are missing and cannot be made.
     """
     from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
+    from ltvn_core.network.weights_file import save_weights
 
     run = _run_identity(drive, rehearsal, start, plan, provenance)
     if (done := _finished_earlier(output, run)) is not None:
         return done
-    progress = _Progress(on_progress or _report_to_nobody, cancelled or Event())
+    progress = _Progress(on_progress, cancelled or Event())
     try:
         with _work_folder(work_folder, output) as folder:
             data = rehearsal.load(drive, progress.rehearsing, with_validation_drives=plan.judge)
@@ -154,7 +155,7 @@ def fine_tune(
             )
             if result is None:
                 raise _CancelledError
-            _save(result, output, _card(result, data, plan, start, run, provenance))
+            save_weights(result.network, output, _card(result, data, plan, start, run, provenance))
     except _CancelledError:
         return None
     except OSError as error:
@@ -169,7 +170,7 @@ class _CancelledError(Exception):
 class _Progress:
     """Progress over all steps; the first report after cancelling stops the work."""
 
-    def __init__(self, on_progress: FineTuningReporter, cancelled: Event) -> None:
+    def __init__(self, on_progress: FineTuningReporter | None, cancelled: Event) -> None:
         self.cancelled = cancelled
         self._on_progress = on_progress
 
@@ -185,11 +186,8 @@ class _Progress:
     def _report(self, share: float, doing: str, progress: "FineTuningProgress | None") -> None:
         if self.cancelled.is_set():
             raise _CancelledError
-        self._on_progress(share, doing, progress)
-
-
-def _report_to_nobody(share: float, doing: str, progress: "FineTuningProgress | None") -> None:
-    """Discard the progress."""
+        if self._on_progress is not None:
+            self._on_progress(share, doing, progress)
 
 
 @contextmanager
@@ -284,12 +282,6 @@ def _card(
         after=result.after,
     )
     return asdict(card)
-
-
-def _save(result: "FineTuningResult", output: Path, card: Mapping[str, Any]) -> None:
-    from ltvn_core.network.weights_file import save_weights
-
-    save_weights(result.network, output, card)
 
 
 def _summary(weights: Path) -> FineTunedWeights:

@@ -253,64 +253,34 @@ class DriveSource:
         return label_drive(self.source, self.name, camera=LOCOBOT.camera, rule=rule)
 
 
-class SystemTraining(Protocol):
-    """Kind of learning for the network of a navigation system: labels, rehearsal data and plan."""
+@dataclass(frozen=True, slots=True)
+class SystemTraining:
+    """Kind of learning for the network of a navigation system: labels, rehearsal data and plan.
+
+    Odometry and depth label the drive, and exact poses the simulated rehearsal pairs; or, with `temporal`, the number
+    of steps labels the pairs of the drive and of random walks, without poses.
+    """
+
+    temporal: "TemporalLearning | None"
+    """Settings for learning from time alone."""
 
     def label_rule(self) -> "LabelRule":
         """Return the rule that labels the pairs of a drive."""
-        ...
+        from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
+
+        return self.temporal.rule if self.temporal else OdometryLabelRule()
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
         """Return the rehearsal data; `folder` names existing data, otherwise they are made once and kept."""
-        ...
+        return LabelledWalks(self.temporal.rule, folder) if self.temporal else SimulatedPairs(folder)
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return a fine-tuning plan that uses only information that this system has."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class OdometryTraining:
-    """Learning of reachability: odometry and depth label the drive, and exact poses label the simulated rehearsal
-    pairs."""
-
-    def label_rule(self) -> "LabelRule":
-        """Return the rule that labels by odometry."""
-        from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
-
-        return OdometryLabelRule()
-
-    def rehearsal(self, folder: Path | None = None) -> RehearsalData:
-        """Return simulated pairs."""
-        return SimulatedPairs(folder)
-
-    def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return the plan unchanged."""
-        return plan
-
-
-@dataclass(frozen=True, slots=True)
-class TemporalTraining:
-    """Learning from time alone: the number of steps labels the pairs of the drive and of random walks, without
-    poses."""
-
-    learning: "TemporalLearning"
-
-    def label_rule(self) -> "LabelRule":
-        """Return the rule that labels by time."""
-        return self.learning.rule
-
-    def rehearsal(self, folder: Path | None = None) -> RehearsalData:
-        """Return random walks with the same labels."""
-        return LabelledWalks(self.learning.rule, folder)
-
-    def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return the plan without hard negatives, because mining them needs poses."""
+        """Return a fine-tuning plan that uses only information that this system has: mining needs poses."""
         from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
 
-        return baseline_fine_tuning_plan(plan, even_distances=self.learning.even_distances)
+        return baseline_fine_tuning_plan(plan, even_distances=self.temporal.even_distances) if self.temporal else plan
 
 
 def system_training(entry: "SystemEntry") -> SystemTraining:
     """Return the kind of learning of a navigation system's network."""
-    return OdometryTraining() if entry.learning is None else TemporalTraining(entry.learning)
+    return SystemTraining(entry.learning)

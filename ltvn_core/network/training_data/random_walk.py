@@ -90,7 +90,8 @@ def random_walk(floor: FreeSpace, rng: np.random.Generator, count: int, policy: 
     """Return the poses (count, 3), a step apart, of a robot that drives at random and turns away from obstacles."""
     poses = [floor.sample_poses(rng, 1, min_clearance_m=max(policy.clearance_m, 0.3))[0]]
     while len(poses) < count:
-        action = _draw_action(rng, policy)
+        # 0 drives ahead, 1 turns left, -1 turns right.
+        action = 0 if rng.random() < policy.forward else int(rng.choice([-1, 1]))
         for _ in range(policy.repeat):
             pose = compose(poses[-1], _step(rng, action, policy))
             if floor.at(pose[:2]) < policy.clearance_m:
@@ -109,11 +110,6 @@ def _turn_away(floor: FreeSpace, rng: np.random.Generator, pose: Pose, policy: R
         if _is_free_ahead(floor, poses[-1], policy):
             break
     return poses[1:]
-
-
-def _draw_action(rng: np.random.Generator, policy: RandomPolicy) -> int:
-    """Return 0 to drive ahead, 1 to turn left, -1 to turn right."""
-    return 0 if rng.random() < policy.forward else int(rng.choice([-1, 1]))
 
 
 def _step(rng: np.random.Generator, action: int, policy: RandomPolicy) -> Pose:

@@ -59,7 +59,7 @@ def unobstructed(
     horizon = int(camera.cy + 0.5)
     rows = np.arange(max(horizon - _HORIZON_ABOVE_PX, 0), min(horizon + _HORIZON_BELOW_PX, camera.height))
     seen = source_depth[np.arange(len(waypoints))[:, None], rows, column[:, None]]
-    return _far_if_missing(seen).min(1) > waypoints[:, 0] - tolerance_m
+    return np.where(seen > 0, seen, np.inf).min(1) > waypoints[:, 0] - tolerance_m
 
 
 def overlap(
@@ -155,11 +155,6 @@ def _sample_depth(
     column = np.clip(column, 0, camera.width - 1).astype(np.intp)
     row = np.clip(row, 0, camera.height - 1).astype(np.intp)
     return inside, depth[np.arange(len(depth))[:, None], row, column].astype(np.float32)
-
-
-def _far_if_missing(depth: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return depths with infinity where the sensor returned nothing."""
-    return np.where(depth > 0, depth, np.inf)
 
 
 class FailedCriteria(IntFlag):

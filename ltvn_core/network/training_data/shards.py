@@ -128,7 +128,8 @@ def read_shard(path: Path) -> Shard:
     try:
         with safe_open(path, framework="numpy") as file:
             metadata = _metadata(file)
-            _check_schema(metadata, path)
+            if (found := metadata.get("schema", "something else")) != SCHEMA:
+                raise DatasetError(f"{path}: holds {found!r}, not {SCHEMA!r}; make the dataset again.")
             arrays = {name: file.get_tensor(name) for name in _ARRAYS}
     except (OSError, SafetensorError) as error:
         raise DatasetError(f"{path}: not a complete shard ({error}); delete it and make the dataset again.") from error
@@ -176,13 +177,6 @@ def _metadata(file: Any) -> dict[str, str]:
         return parse_json((file.metadata() or {})["ltvn"])
     except (KeyError, ValueError):
         return {}
-
-
-def _check_schema(metadata: dict[str, str], path: Path) -> None:
-    if metadata.get("schema") != SCHEMA:
-        raise DatasetError(
-            f"{path}: holds {metadata.get('schema', 'something else')!r}, not {SCHEMA!r}; make the dataset again."
-        )
 
 
 _PAIRS_AT_ONCE = 4096

@@ -88,14 +88,35 @@ class OdometryLabelRule:
         targets: NDArray[np.integer],
         rng: np.random.Generator,
     ) -> NDArray[np.int8]:
-        """Return the labels (P,) of pairs at most H images apart; `rng` is not used."""
-        return near_labels(trajectory, sources, targets, self)
+        """Return the labels (P,) of pairs at most H images apart, over which drift is negligible; `rng` is not used.
+
+        Pairs across a jump of odometry are unknown. So are pairs against the direction of driving that meet all
+        criteria: the robot did not show that it can drive there.
+        """
+        together = trajectory.piece[sources] == trajectory.piece[targets]
+        forward = together & (targets > sources) & (targets - sources <= self.horizon)
+        if not self.gated:
+            return np.where(forward, REACHABLE, UNREACHABLE).astype(np.int8)
+        labels = np.full(len(sources), UNKNOWN, np.int8)
+        for part in np.array_split(np.flatnonzero(together), max(len(sources) // _PAIRS_AT_ONCE, 1)):
+            passed, failed = _passed_and_failed(trajectory, sources[part], targets[part], self)
+            labels[part] = np.where(failed, UNREACHABLE, np.where(passed & forward[part], REACHABLE, UNKNOWN))
+        return labels
 
     def far(
         self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
     ) -> NDArray[np.bool_]:
-        """Return which pairs of rows are certainly not reachable."""
-        return far_apart(trajectory, sources, targets, self)
+        """Return which pairs of rows (any shapes that broadcast) are farther apart than drift can explain."""
+        after = targets - sources
+        together = trajectory.piece[sources] == trajectory.piece[targets]
+        if not self.gated:
+            return (after != 0) & ~(together & (after > 0) & (after <= self.horizon))
+        shift = trajectory.poses[targets] - trajectory.poses[sources]
+        driven = np.abs(trajectory.travelled_m[targets] - trajectory.travelled_m[sources])
+        turned = np.abs(trajectory.turned_rad[targets] - trajectory.turned_rad[sources])
+        away = np.hypot(shift[..., 0], shift[..., 1]) - self.drift * driven > self.far_m
+        turn = np.abs(wrap_angle(shift[..., 2])) - self.drift_turn * turned > self.far_rad
+        return together & (away | turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,41 +193,6 @@ def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Gen
         targets=j[known].astype(np.int32),
         reachable=labels[known] == REACHABLE,
     )
-
-
-def near_labels(
-    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
-) -> NDArray[np.int8]:
-    """Return the labels (P,) of pairs at most H images apart, over which drift is negligible.
-
-    Pairs across a jump of odometry are unknown. So are pairs against the direction of driving that meet all criteria:
-    the robot did not show that it can drive there.
-    """
-    together = trajectory.piece[sources] == trajectory.piece[targets]
-    forward = together & (targets > sources) & (targets - sources <= rule.horizon)
-    if not rule.gated:
-        return np.where(forward, REACHABLE, UNREACHABLE).astype(np.int8)
-    labels = np.full(len(sources), UNKNOWN, np.int8)
-    for part in np.array_split(np.flatnonzero(together), max(len(sources) // _PAIRS_AT_ONCE, 1)):
-        passed, failed = _passed_and_failed(trajectory, sources[part], targets[part], rule)
-        labels[part] = np.where(failed, UNREACHABLE, np.where(passed & forward[part], REACHABLE, UNKNOWN))
-    return labels
-
-
-def far_apart(
-    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
-) -> NDArray[np.bool_]:
-    """Return which pairs of rows (any shapes that broadcast) are farther apart than drift can explain."""
-    after = targets - sources
-    together = trajectory.piece[sources] == trajectory.piece[targets]
-    if not rule.gated:
-        return (after != 0) & ~(together & (after > 0) & (after <= rule.horizon))
-    shift = trajectory.poses[targets] - trajectory.poses[sources]
-    driven = np.abs(trajectory.travelled_m[targets] - trajectory.travelled_m[sources])
-    turned = np.abs(trajectory.turned_rad[targets] - trajectory.turned_rad[sources])
-    away = np.hypot(shift[..., 0], shift[..., 1]) - rule.drift * driven > rule.far_m
-    turn = np.abs(wrap_angle(shift[..., 2])) - rule.drift_turn * turned > rule.far_rad
-    return together & (away | turn)
 
 
 def _passed_and_failed(

@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.errors import ImageError, RecordingError
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits, label_poses
 from ltvn_core.network.training_data.trajectory import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory, select_keyframes
-from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule, far_apart, label_trajectory, near_labels
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule, label_trajectory
 from ltvn_core.types import Pose
 from tests.core.network.training_data.box_world import two_rooms
 from tests.core.network.training_data.example_drive import observations_at, poses_along, poses_turning
@@ -22,11 +22,11 @@ def drive(poses: Pose, odometry: Pose | None = None) -> Trajectory:
 
 
 def near(seen: Trajectory, source: int, target: int, rule: OdometryLabelRule = RULE) -> int:
-    return int(near_labels(seen, np.array([source]), np.array([target]), rule)[0])
+    return int(rule.labels(seen, np.array([source]), np.array([target]), np.random.default_rng(0))[0])
 
 
 def far(seen: Trajectory, source: int, target: int) -> bool:
-    return bool(far_apart(seen, np.array([source]), np.array([target]), RULE)[0])
+    return bool(RULE.far(seen, np.array([source]), np.array([target]))[0])
 
 
 def test_what_lies_ahead_is_reachable_and_what_lies_behind_is_not() -> None:

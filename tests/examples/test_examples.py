@@ -55,7 +55,7 @@ def test_a_navigation_system_of_ones_own_reaches_goals(tmp_path: Path) -> None:
 
 
 def test_a_rival_of_ones_own_reaches_goals(tmp_path: Path) -> None:
-    said = run("17_write_a_rival.py", save(box_house(), tmp_path / "house.glb"), cwd=tmp_path)
+    said = run("18_write_a_rival.py", save(box_house(), tmp_path / "house.glb"), cwd=tmp_path)
     assert said.count("arrived") == 2
 
 

@@ -28,7 +28,7 @@ def test_an_unknown_scene_is_named(tmp_path: Path) -> None:
 
 def test_training_without_a_dataset_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="ltvn dataset"):
-        TrainVerb(data=tmp_path, output=tmp_path / "w.safetensors", work=tmp_path / "work", processes=1).run()
+        TrainVerb(data=tmp_path, output=tmp_path / "w.safetensors", work=tmp_path / "work").run()
 
 
 @pytest.mark.slow

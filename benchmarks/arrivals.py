@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ltvn_core.evaluation.episode_runner import EpisodeRunner
+    from ltvn_core.evaluation.plans import RunPlan
     from ltvn_core.evaluation.preparation import DriveGroundTruth
     from ltvn_core.evaluation.protocol import EpisodePlan
     from ltvn_core.evaluation.query_result import QueryResult
-    from ltvn_core.evaluation.trial_plans import TrialPlan
     from ltvn_core.types import NodeId
 
 SCENES: Mapping[str, tuple[str, ...]] = {
@@ -95,13 +95,13 @@ class ArrivalsVerb(Verb):
     def _results(self, scene: str) -> "list[QueryResult]":
         from tqdm import tqdm
 
+        from ltvn_core.evaluation.plans import RunFiles
         from ltvn_core.evaluation.preparation import prepare
         from ltvn_core.evaluation.query_result import append_to_log, read_query_log
-        from ltvn_core.evaluation.segments import episode_rng, open_runner
-        from ltvn_core.evaluation.trial_plans import TrialFiles
+        from ltvn_core.evaluation.runner import episode_rng, open_runner
 
         plan = self._plan(scene)
-        files = TrialFiles.of(plan, self.folder)
+        files = RunFiles.of(plan, self.folder)
         log = files.folder / f"arrivals-{self.goals}.jsonl"
         done = read_query_log(log)
         if len(done) >= self.episodes:
@@ -114,14 +114,14 @@ class ArrivalsVerb(Verb):
             append_to_log(log, runner.run(number, episode, episode_rng(plan.seed, number)))
         return read_query_log(log)
 
-    def _plan(self, scene: str) -> "TrialPlan":
+    def _plan(self, scene: str) -> "RunPlan":
+        from ltvn_core.evaluation.plans import RunPlan
         from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
-        from ltvn_core.evaluation.trial_plans import TrialPlan
         from ltvn_core.simulation.body_selection import choose_body
 
         conditions = SCENES.get(scene, ())
         protocol = protocol_under(EvaluationProtocol(episodes=self.episodes, body=choose_body("planar")), conditions)
-        return TrialPlan(scene=scene, seed=0, conditions=conditions, protocol=protocol)
+        return RunPlan(scene=scene, seed=0, conditions=conditions, protocol=protocol)
 
 
 def hard_goals(runner: "EpisodeRunner", truth: "DriveGroundTruth", count: int) -> "list[NodeId]":

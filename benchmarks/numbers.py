@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +25,7 @@ from ltvn_core.cli import run_verb
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.evaluation.results import TrialResult
+    from ltvn_core.evaluation.results import TestedMap
 
 FACTORS = (0.8, 1.25)
 _ROOT = Path(ltvn_core.__file__).parent
@@ -99,25 +99,24 @@ class NumbersVerb(Verb):
         """Drive the episodes with the numbers of a module scaled, on the same map if the module builds none."""
         name = f"{module}-{factor:g}"
         builds = module.startswith("graph.") and module not in _DRIVING_ONLY
-        if not self._result(name).exists():
-            _copy_inputs(self._result("whole").parent, self._result(name).parent, with_map=not builds)
+        if not self._place(name).exists():
+            _copy_inputs(self._place("whole"), self._place(name), with_map=not builds)
         code = f"from benchmarks.numbers import scale; scale({module!r}, {factor}); {_EVALUATE}"
         return Sensitivity(module, numbers_of(module), factor, summed_up(self._trial(name, code)))
 
-    def _result(self, name: str) -> Path:
-        drive = "-".join([self.scene, *self.conditions, "0"])
-        return self.folder / name / drive / f"ltvn-{self.episodes}.trial.json"
+    def _place(self, name: str) -> Path:
+        return self.folder / name / "-".join([self.scene, *self.conditions, "0"])
 
-    def _trial(self, name: str, code: str) -> "TrialResult":
-        """Run the evaluation by this code of Python, unless it was run before."""
-        from ltvn_core.evaluation.results import TrialResult, load_results
+    def _trial(self, name: str, code: str) -> "TestedMap":
+        """Run the evaluation by this code of Python; what was run before is only read."""
+        from ltvn_core.evaluation.results import read_runs, rows_in
 
-        if not self._result(name).exists():
-            options = ["--scene", self.scene, "--conditions", *self.conditions, "--body", "planar", "--seed", "0"]
-            options += ["--episodes", str(self.episodes), "--folder", str(self.folder / name)]
-            # One process, which is the one that imports scaled numbers.
-            subprocess.run([sys.executable, "-c", code, "evaluate", *options, "--processes", "1"], check=True)
-        return load_results(self._result(name), TrialResult)
+        options = ["--scene", self.scene, "--conditions", *self.conditions, "--body", "planar", "--seed", "0"]
+        options += ["--episodes", str(self.episodes), "--folder", str(self.folder / name)]
+        # One process, which is the one that imports scaled numbers.
+        subprocess.run([sys.executable, "-c", code, "evaluate", *options, "--processes", "1"], check=True)
+        (run,) = read_runs(rows_in(self._place(name)))
+        return replace(run.maps[0], episodes=run.maps[0].episodes[: self.episodes])
 
 
 def scalable_modules() -> Iterator[str]:
@@ -205,7 +204,7 @@ def _copy_inputs(source: Path, target: Path, *, with_map: bool) -> None:
     """Copy the drive and the weights, and the map where it stays the same."""
     kept = ["drive.*", "*.safetensors", "*.card.json"]
     if with_map:
-        kept += ["*.npz", "*.rrd", "*.plan.json", "ltvn/map-*.rrd", "ltvn/plan.json"]
+        kept += ["*.npz", "*.rrd", "*.plan.json", "ltvn/map-*.rrd", "ltvn/run.json"]
     for path in {path for pattern in kept for path in source.glob(pattern)}:
         copy = target / path.relative_to(source)
         copy.parent.mkdir(parents=True, exist_ok=True)

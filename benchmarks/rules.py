@@ -17,8 +17,8 @@ from ltvn_core.cli import run_verb
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.evaluation.results import MapTruthMetrics, TrialResult
-    from ltvn_core.evaluation.trial_plans import TrialPlan
+    from ltvn_core.evaluation.plans import RunPlan
+    from ltvn_core.evaluation.results import MapTruthMetrics, TestedMap
 
 SCENES: Mapping[str, tuple[str, ...]] = {
     "tune-0": (),
@@ -103,7 +103,7 @@ class RulesVerb(Verb):
 
     def run(self) -> Summary:
         """Run what is missing, scene after scene, and sum up."""
-        from ltvn_core.evaluation.trial_plans import RULES
+        from ltvn_core.evaluation.plans import RULES
         from tools.results_page import fill_blocks
 
         started = time.monotonic()
@@ -119,11 +119,11 @@ class RulesVerb(Verb):
         useless = [rule for rule in rules if not any(_is_worth_it(row) for row in worth if row.rule == rule)]
         return RulesSummary(whole, worth, useless, round(time.monotonic() - started, 1))
 
-    def _trials(self, scene: str, rules: Sequence[str]) -> "Iterator[TrialResult]":
+    def _trials(self, scene: str, rules: Sequence[str]) -> "Iterator[TestedMap]":
         """Yield the trial of the whole method and those without each rule, one process, one after the other."""
         from tqdm import tqdm
 
-        from ltvn_core.evaluation.trials import run_trials
+        from ltvn_core.evaluation.runner import run_plans
         from ltvn_core.evaluation.workers import workers
         from ltvn_core.verbs.jobs.evaluation_progress import progress_on_bar
 
@@ -132,23 +132,19 @@ class RulesVerb(Verb):
                 plan = self._plan(scene, parts)
                 with tqdm(total=self.episodes, desc=" ".join(parts) or "whole", leave=False) as bar:
                     command = f"python -m benchmarks.rules --scene {scene}"
-                    yield run_trials(
-                        [plan],
-                        self.folder,
-                        episodes=self.episodes,
-                        command=command,
-                        parallel=parallel,
-                        progress=progress_on_bar(bar, 1),
-                    )[0]
+                    (run,) = run_plans(
+                        [plan], self.folder, command=command, parallel=parallel, progress=progress_on_bar(bar, 1)
+                    )
+                    yield run.maps[0]
 
-    def _plan(self, scene: str, parts: tuple[str, ...]) -> "TrialPlan":
+    def _plan(self, scene: str, parts: tuple[str, ...]) -> "RunPlan":
+        from ltvn_core.evaluation.plans import RunPlan
         from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
-        from ltvn_core.evaluation.trial_plans import TrialPlan
         from ltvn_core.simulation.body_selection import choose_body
 
         conditions = SCENES.get(scene, ())
         protocol = protocol_under(EvaluationProtocol(episodes=self.episodes, body=choose_body("planar")), conditions)
-        return TrialPlan(scene=scene, seed=0, parts_off=parts, conditions=conditions, protocol=protocol)
+        return RunPlan(scene=scene, seed=0, parts_off=parts, conditions=conditions, protocol=protocol)
 
 
 def markdown(whole: Sequence["Achieved"], worth: Sequence[RuleWorth]) -> str:
@@ -198,13 +194,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in lines)
 
 
-def summed_up(trial: "TrialResult") -> Achieved:
+def summed_up(trial: "TestedMap") -> Achieved:
     """Return what a trial came to."""
     from ltvn_core.evaluation.metrics import compute_metrics
 
     found = compute_metrics([trial])
     return Achieved(
-        scene=trial.scene,
+        scene=trial.columns.scene,
         episodes=found.episodes,
         reached=sum(each.reached for each in trial.episodes),
         spl=round(found.spl.mean, 3),
@@ -213,7 +209,11 @@ def summed_up(trial: "TrialResult") -> Achieved:
     )
 
 
-def _worth(whole: "TrialResult", without: "TrialResult", rule: str) -> RuleWorth:
+def _seconds(trial: "TestedMap") -> float:
+    return sum(each.seconds or 0.0 for each in trial.episodes)
+
+
+def _worth(whole: "TestedMap", without: "TestedMap", rule: str) -> RuleWorth:
     """Compare two trials episode by episode."""
     import numpy as np
 
@@ -225,7 +225,7 @@ def _worth(whole: "TrialResult", without: "TrialResult", rule: str) -> RuleWorth
     means = won[rng.integers(len(won), size=(_RESAMPLES, len(won)))].mean(1)
     low, high = np.quantile(means, (0.025, 0.975))
     return RuleWorth(
-        scene=whole.scene,
+        scene=whole.columns.scene,
         rule=rule,
         episodes=len(won),
         goals=int(np.subtract(*column("reached")).sum()),
@@ -236,7 +236,7 @@ def _worth(whole: "TrialResult", without: "TrialResult", rule: str) -> RuleWorth
         told_apart=round(float((1.96 + 0.84) * means.std()), 4),
         collisions=round(float(np.subtract(*column("collisions")).mean()), 3),
         spurious_edges=whole.map.spurious_edges - without.map.spurious_edges,
-        seconds_ratio=round(whole.wall_s / max(without.wall_s, 1e-9), 2),
+        seconds_ratio=round(_seconds(whole) / max(_seconds(without), 1e-9), 2),
     )
 
 

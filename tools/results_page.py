@@ -24,7 +24,7 @@ from ltvn_core.evaluation.reports.figure_style import (
     save_png,
 )
 from ltvn_core.evaluation.reports.result_rows import rows_of
-from ltvn_core.evaluation.results import EvaluationResults, WorldResult
+from ltvn_core.evaluation.results import Run
 
 FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")
 """Kinds of figures; each has a block `KIND-pictures`."""
@@ -51,13 +51,7 @@ def _filled(text: str, name: str, block: str, page: Path) -> str:
 
 
 def fill_results_page(
-    results: EvaluationResults,
-    palette: FigurePalette,
-    *,
-    page: Path,
-    images: Path,
-    section: str = "",
-    worlds: Sequence[WorldResult] = (),
+    runs: Sequence[Run], palette: FigurePalette, *, page: Path, images: Path, section: str = ""
 ) -> tuple[Path, ...]:
     """Write the tables into a page and draw the figures for which it has blocks; return the paths of the figures.
 
@@ -68,10 +62,10 @@ def fill_results_page(
     text = _read(page)
     wanted = [kind for kind in FIGURE_KINDS if _mark(f"{prefix}{kind}-pictures") in text]
     with documentation_style(palette):
-        drawn = [figure for figure in figures_of(results, palette) if figure.kind in wanted]
+        drawn = [figure for figure in figures_of(runs, palette) if figure.kind in wanted]
         files = [(figure, save_png(figure.draw(), images / f"{prefix}{figure.name}.png")) for figure in drawn]
-    blocks = markdown_tables(results, worlds) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
-    blocks["overall"] = overall_table(rows_of(results.trials)).markdown()
+    blocks = markdown_tables(runs) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
+    blocks["overall"] = overall_table(rows_of(runs)).markdown()
     named = {f"{prefix}{name}": block for name, block in blocks.items()}
     here = {name: block for name, block in named.items() if _mark(name) in text}
     if not here:
@@ -80,10 +74,10 @@ def fill_results_page(
     return tuple(path for _, path in files)
 
 
-def markdown_tables(results: EvaluationResults, worlds: Sequence[WorldResult] = ()) -> dict[str, str]:
+def markdown_tables(runs: Sequence[Run]) -> dict[str, str]:
     """Return the tables of a page by name, in Markdown; those of changing worlds only where there are results."""
-    tables = report_tables(results, worlds)
-    return {name: table.markdown() for name, table in tables.items() if worlds or name not in _OF_WORLDS}
+    shown = any(run.columns.world for run in runs)
+    return {name: table.markdown() for name, table in report_tables(runs).items() if shown or name not in _OF_WORLDS}
 
 
 def _links(files: Iterable[tuple[ReportFigure, Path]], kind: str, page: Path) -> str:
@@ -114,14 +108,9 @@ def main() -> int:
     parser.add_argument("--images", type=Path, default=Path("docs/images/results"))
     parser.add_argument("--section", default="", help="Its markers begin with this word and a dash.")
     options = parser.parse_args()
-    found = find_results(options.folder)
+    runs = find_results(options.folder)
     pictures = fill_results_page(
-        found.drawn,
-        FIGURE_PALETTE,
-        page=options.page,
-        images=options.images,
-        section=options.section,
-        worlds=found.worlds,
+        runs, FIGURE_PALETTE, page=options.page, images=options.images, section=options.section
     )
     sys.stdout.write(f"{options.page} filled in, {len(pictures)} figures drawn\n")
     return 0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
-from ltvn_core.evaluation.results import LifelongResult, TrialResult
+from ltvn_core.evaluation.results import Run, TestedMap
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.metrics import SuccessRate
 from ltvn_core.types import CONTROL_STEP_S
@@ -55,7 +55,7 @@ class EvaluationMetrics:
         return self.spurious_edges / self.edges if self.edges else 0.0
 
 
-def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
+def compute_metrics(trials: Sequence[TestedMap]) -> EvaluationMetrics:
     """Return the metrics of trials of one method; raise ValueError if there are no episodes."""
     episodes = _episodes(trials)
     success, *amounts = estimates(_samples(trials))
@@ -78,13 +78,13 @@ def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
     )
 
 
-def overall_success(trials: Sequence[TrialResult]) -> SuccessRate:
+def overall_success(trials: Sequence[TestedMap]) -> SuccessRate:
     """Return the share of all episodes that succeeded, with Wilson's interval, which ignores map seeds."""
     episodes = _episodes(trials)
     return SuccessRate.of(sum(episode.reached for episode in episodes), len(episodes))
 
 
-def count_failures(trials: Sequence[TrialResult]) -> dict[str, int]:
+def count_failures(trials: Sequence[TestedMap]) -> dict[str, int]:
     """Count failed episodes by cause; causes that never occurred count 0."""
     counts = Counter(episode.failure for episode in _episodes(trials))
     return {cause.value: counts[cause] for cause in FailureCause}
@@ -102,7 +102,7 @@ class RecognitionShares:
     """Share of the robot's declared arrivals that were wrong."""
 
 
-def recognition_of(trials: Sequence[TrialResult]) -> RecognitionShares | None:
+def recognition_of(trials: Sequence[TestedMap]) -> RecognitionShares | None:
     """Return the shares over all episodes; None for older results without these counts."""
     episodes = _episodes(trials)
     if any(each.crossed is None for each in episodes):
@@ -130,7 +130,7 @@ class MethodDifference:
     """Whether episodes were compared in pairs, because both methods drove the same ones."""
 
 
-def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> MethodDifference:
+def compare_methods(first: Sequence[TestedMap], second: Sequence[TestedMap]) -> MethodDifference:
     """Compare two methods; raise ValueError if one has no episodes.
 
     Where scenes, seeds, starts and goals are equal, the differences of single episodes are averaged, which removes
@@ -150,29 +150,34 @@ def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult])
     )
 
 
-def _samples(trials: Sequence[TrialResult]) -> list[SampleGroup]:
+def _samples(trials: Sequence[TestedMap]) -> list[SampleGroup]:
     """Return the values per episode, sorted, so that the order of trials does not matter."""
-    return [SampleGroup(trial.scene, _values(trial)) for trial in _sorted(trials)]
+    return [SampleGroup(trial.columns.scene, _values(trial)) for trial in _sorted(trials)]
 
 
-def _values(trial: TrialResult) -> NDArray[np.float64]:
+def _values(trial: TestedMap) -> NDArray[np.float64]:
     rows = [[each.reached, each.spl, each.collisions, each.steps, each.path_m] for each in _in_order(trial)]
     return np.array(rows, np.float64).reshape(-1, 5)
 
 
-def _sorted(trials: Sequence[TrialResult]) -> list[TrialResult]:
-    return sorted(trials, key=lambda trial: (trial.scene, trial.seed, trial.queries, trial.method, trial.without))
+def _sorted(trials: Sequence[TestedMap]) -> list[TestedMap]:
+    return sorted(trials, key=_order)
 
 
-def _in_order(trial: TrialResult) -> list[QueryResult]:
+def _order(trial: TestedMap) -> tuple[object, ...]:
+    columns = trial.columns
+    return columns.scene, columns.seed, trial.after, columns.method, columns.without
+
+
+def _in_order(trial: TestedMap) -> list[QueryResult]:
     return sorted(trial.episodes, key=lambda episode: episode.query)
 
 
-def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
-    return trial.scene, trial.seed, [(each.query, each.start, each.goal) for each in _in_order(trial)]
+def _episode_keys(trial: TestedMap) -> tuple[object, ...]:
+    return trial.columns.scene, trial.columns.seed, [(each.query, each.start, each.goal) for each in _in_order(trial)]
 
 
-def _episodes(trials: Sequence[TrialResult]) -> list[QueryResult]:
+def _episodes(trials: Sequence[TestedMap]) -> list[QueryResult]:
     return [episode for trial in trials for episode in trial.episodes]
 
 
@@ -228,13 +233,13 @@ class LifelongMetrics:
     """Number of added edges that are spurious."""
 
 
-def lifelong_metrics(results: Sequence[LifelongResult]) -> LifelongMetrics:
+def lifelong_metrics(results: Sequence[Run]) -> LifelongMetrics:
     """Return the metrics of lifelong evaluations of equal length; raise ValueError if there are none."""
     queries = [query for result in results for query in result.queries]
     pruned = sum(query.pruned for query in queries)
     return LifelongMetrics(
-        before=_static_test_metrics([result.points[0].trial for result in results]),
-        after=_static_test_metrics([result.points[-1].trial for result in results]),
+        before=_static_test_metrics([result.maps[0] for result in results]),
+        after=_static_test_metrics([result.maps[-1] for result in results]),
         queries=len(queries),
         reached_share=sum(query.reached for query in queries) / len(queries),
         collisions_per_query=sum(query.collisions for query in queries) / len(queries),
@@ -247,10 +252,10 @@ def lifelong_metrics(results: Sequence[LifelongResult]) -> LifelongMetrics:
     )
 
 
-def _static_test_metrics(trials: Sequence[TrialResult]) -> StaticTestMetrics:
+def _static_test_metrics(trials: Sequence[TestedMap]) -> StaticTestMetrics:
     found = compute_metrics(trials)
     return StaticTestMetrics(
-        queries=trials[0].queries,
+        queries=trials[0].after,
         success_rate=found.success_rate.mean,
         success_low=found.success_rate.low,
         success_high=found.success_rate.high,

@@ -19,10 +19,10 @@ from ltvn_core.data.recording.map_file import save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.recorded_run import record_images
 from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.evaluation.plans import RunFiles, RunPlan, open_planned_system
 from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.maps.topological_map import TopologicalMap
@@ -59,7 +59,7 @@ class DriveGroundTruth:
         return draw_episodes(self.frames, np.array(self.poses), self.goals, count, rng)
 
 
-def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
+def prepare(plan: RunPlan, files: RunFiles) -> DriveGroundTruth:
     """Create the files that are missing: drive, weights and map."""
     log = PreparationLog(files.preparation)
     drive_truth = _drive(plan, files, log)
@@ -69,7 +69,7 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     return drive_truth
 
 
-def _weights(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> Path:
+def _weights(plan: RunPlan, files: RunFiles, log: PreparationLog) -> Path:
     """Return the path of a plan's weights; fine-tune them on its drive first if the plan asks for it."""
     if not plan.finetuned:
         return plan.start_weights
@@ -93,7 +93,7 @@ def _weights(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> Path:
     return files.weights
 
 
-def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGroundTruth:
+def _drive(plan: RunPlan, files: RunFiles, log: PreparationLog) -> DriveGroundTruth:
     """Record a scripted tour through the scene with noisy odometry."""
     if files.drive_truth.exists():
         return load_results(files.drive_truth, DriveGroundTruth)
@@ -146,8 +146,8 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
 
 
 def _build(
-    plan: TrialPlan,
-    files: TrialFiles,
+    plan: RunPlan,
+    files: RunFiles,
     drive_truth: DriveGroundTruth,
     weights: Path,
     log: PreparationLog,
@@ -174,7 +174,11 @@ def _build(
 
 
 def _built_map(
-    plan: TrialPlan, files: TrialFiles, drive_truth: DriveGroundTruth, empty: TopologicalMap, log: PreparationLog
+    plan: RunPlan,
+    files: RunFiles,
+    drive_truth: DriveGroundTruth,
+    empty: TopologicalMap,
+    log: PreparationLog,
 ) -> TopologicalMap:
     observations = _observations(files.drive)
     # A drive of an earlier version may have a goal without depth, which does not become a node.

@@ -9,7 +9,7 @@ processes that share a folder may append to one log; if a query has two lines, t
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -104,6 +104,9 @@ class QueryResult:
     outcome: str
     """Outcome by the robot's own judgement, see `navigation.events.Outcome`; "gone" if the map no longer had the
     goal."""
+    after: int | None = None
+    """Number of queries with maintenance before this episode, which does not change the map; None for a query that may
+    change it."""
     start: FrameId | None = None
     """Image of the mapping drive at whose exact pose the robot started."""
     goal: NodeId | None = None
@@ -183,7 +186,7 @@ class QueryResult:
     """Part of a test on a robot that the query belongs to."""
     judged_by: str | None = None
     """Source of `reached` on a real robot: truth (its true pose), person, or belief (the robot itself)."""
-    seconds: float | None = None
+    seconds: float | None = field(default=None, compare=False)
     """Duration of the query in real time, in seconds."""
 
     @property
@@ -192,14 +195,6 @@ class QueryResult:
         if not self.reached or self.shortest_m is None:
             return 0.0
         return self.shortest_m / max(self.path_m, self.shortest_m, 1e-9)
-
-
-@dataclass(frozen=True, slots=True)
-class QueryBatch:
-    """The results of consecutive queries."""
-
-    queries: tuple[QueryResult, ...]
-    wall_s: float
 
 
 CONVERTER = cattrs.Converter(forbid_extra_keys=True)
@@ -218,7 +213,6 @@ def _read_older(kind: type, older: Mapping[str, str]) -> None:
 
 
 _read_older(QueryResult, _OLDER_COLUMNS)
-_read_older(QueryBatch, {"episodes": "queries"})
 CONVERTER.register_unstructure_hook(
     QueryResult, make_dict_unstructure_fn(QueryResult, CONVERTER, _cattrs_omit_if_default=True)
 )

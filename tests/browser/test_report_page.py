@@ -10,8 +10,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow
 from ltvn_core.evaluation.reports.figure_style import FigurePalette
-from ltvn_core.evaluation.results import EvaluationResults
-from tests.core.evaluation.reports.fake_results import make_trial
+from tests.core.evaluation.reports.fake_results import make_trial, runs_of
 
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 METHODS = ("ltvn", "sptm", "ving")
@@ -25,7 +24,7 @@ def report(tmp_path: Path) -> Path:
     )
     failures = [FailureRow(trial, each) for trial in trials for each in trial.episodes if not each.reached]
     path = tmp_path / "report.html"
-    path.write_text(render_page(EvaluationResults(trials), failures, INK, folder=tmp_path), encoding="utf-8")
+    path.write_text(render_page(runs_of(*trials), failures, INK, folder=tmp_path), encoding="utf-8")
     return path
 
 

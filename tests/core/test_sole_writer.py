@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.evaluation.trial_plans import TrialFiles
+from ltvn_core.evaluation.plans import RunFiles
 from ltvn_core.sole_writer import sole_user, sole_writer
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.evaluate import EvaluateVerb
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.import_drive import ImportVerb
 from ltvn_core.verbs.jobs.build import build_map
-from ltvn_core.verbs.jobs.evaluate import evaluate, trial_plans
+from ltvn_core.verbs.jobs.evaluate import evaluate, run_plans_of
 from ltvn_core.verbs.jobs.finetune import finetune_network
 from ltvn_core.verbs.jobs.import_drive import import_recording
 from ltvn_core.verbs.jobs.train import train_network
@@ -69,10 +69,10 @@ def test_a_second_writer_in_the_same_process_is_refused(tmp_path: Path) -> None:
 
 def test_a_second_evaluation_of_the_same_part_is_refused(tmp_path: Path) -> None:
     options = EvaluateVerb(folder=tmp_path, part="2/3", episodes=1)
-    (plan,) = trial_plans(options, options.system, options.episodes)
-    files = TrialFiles.of(plan, tmp_path)
+    (plan,) = run_plans_of(options, options.system, options.episodes)
+    files = RunFiles.of(plan, tmp_path)
     with (
-        held_elsewhere(files.folder / files.label / "part-2-of-3"),
+        held_elsewhere(files.run / "part-2-of-3"),
         pytest.raises(RecordingError, match="Another process"),
     ):
         evaluate(options)

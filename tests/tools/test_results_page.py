@@ -14,8 +14,13 @@ from ltvn_core.evaluation.reports.evaluation_files import find_results
 from ltvn_core.evaluation.reports.evaluation_tables import overall_table
 from ltvn_core.evaluation.reports.figure_style import MAX_BYTES, FigurePalette
 from ltvn_core.evaluation.reports.result_rows import rows_of
-from ltvn_core.evaluation.results import EvaluationResults, save_results
-from tests.core.evaluation.reports.fake_results import make_lifelong_result, make_trial, make_world_result
+from tests.core.evaluation.reports.fake_results import (
+    keep,
+    make_lifelong_result,
+    make_trial,
+    make_world_result,
+    runs_of,
+)
 from tests.repository import ROOT
 from tools.results_page import FIGURE_KINDS, fill_blocks, fill_results_page, markdown_tables
 
@@ -27,15 +32,13 @@ INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) -> None:
     folder = tmp_path / "runs"
     folder.mkdir()
-    for number, trial in enumerate(
-        (make_trial(), make_trial(method="sptm", nodes=200), make_trial(without=("pruning",)))
-    ):
-        save_results(folder / f"{number}.trial.json", trial)
-    save_results(folder / "ltvn-100-20.lifelong.json", make_lifelong_result(points=2))
+    trials = make_trial(), make_trial(method="sptm", nodes=200), make_trial(without=("pruning",))
+    for run in (*runs_of(*trials), make_lifelong_result(points=2)):
+        keep(folder, run)
     page_file, images = tmp_path / "docs" / "lab-notebook" / "results.md", tmp_path / "docs" / "images"
     page_file.parent.mkdir(parents=True)
     page_file.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
+    pictures = fill_results_page(find_results(folder), INK, page=page_file, images=images)
     text = page_file.read_text(encoding="utf-8")
     links = re.findall(r"!\[[^]]*\]\((?!../images/results/(?:house|paper)-)([^)]*)\)", text)
     assert {(page_file.parent / link).resolve() for link in links} == {path.resolve() for path in pictures}
@@ -46,7 +49,7 @@ def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) ->
 
 
 def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> None:
-    save_results(tmp_path / "ltvn-20.trial.json", make_trial(plan=False))
+    keep(tmp_path, *runs_of(make_trial(plan=False)))
     page_file = tmp_path / "results.md"
     page_file.write_text(
         "".join(
@@ -55,7 +58,7 @@ def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> Non
         ),
         encoding="utf-8",
     )
-    results = find_results(tmp_path).results
+    results = find_results(tmp_path)
     pictures = fill_results_page(results, INK, page=page_file, images=tmp_path, section="house")
     assert [path.name for path in pictures] == ["house-causes.png"]
     first, second = page_file.read_text(encoding="utf-8").split("<!-- main: end -->")
@@ -67,18 +70,18 @@ def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> Non
 
 def test_the_page_in_the_repository_has_every_block() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    for name in [*markdown_tables(EvaluationResults()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
+    for name in [*markdown_tables(()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
         assert text.count(f"<!-- {name}: begin -->") == text.count(f"<!-- {name}: end -->") == 1
 
 
 def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
     for name in ("static", "persistent"):
-        save_results(tmp_path / f"{name}.world.json", replace(make_world_result(), maintenance=name))
+        keep(tmp_path, make_world_result(maintenance=name))
     page_file = tmp_path / "results.md"
     names = "changing-worlds", "changing-world-runs"
     page_file.write_text("".join(f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in names), encoding="utf-8")
     found = find_results(tmp_path)
-    fill_results_page(found.drawn, INK, page=page_file, images=tmp_path, section="changing", worlds=found.worlds)
+    fill_results_page(found, INK, page=page_file, images=tmp_path, section="changing")
     rows = [
         line.split(" | ") for line in page_file.read_text(encoding="utf-8").splitlines() if line.startswith("| doors")
     ]
@@ -90,16 +93,13 @@ def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
     met = EncounterCounts(
         encounters=3, touched=1, avoidable=0, gave_way=2, closest_m=0.0, closest_each_m=(0.0, 0.3, 0.6), stood_s=6.0
     )
-    made = make_world_result()
-    save_results(
-        tmp_path / "some.world.json",
-        replace(made, world="people", queries=(replace(made.queries[0], people=met), made.queries[1])),
-    )
-    save_results(tmp_path / "none.world.json", made)
+    made = make_world_result("people")
+    keep(tmp_path, replace(made, queries=(replace(made.queries[0], people=met), made.queries[1])))
+    keep(tmp_path, make_world_result())
     page_file = tmp_path / "results.md"
     page_file.write_text("<!-- met-people: begin -->\n<!-- met-people: end -->\n", encoding="utf-8")
     found = find_results(tmp_path)
-    fill_results_page(found.drawn, INK, page=page_file, images=tmp_path, section="met", worlds=found.worlds)
+    fill_results_page(found, INK, page=page_file, images=tmp_path, section="met")
     (row,) = [
         line.strip("| ").split(" | ")
         for line in page_file.read_text(encoding="utf-8").splitlines()
@@ -111,9 +111,9 @@ def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
 def test_results_of_one_command_are_one_row_that_names_their_scenes_and_seeds() -> None:
     made = [make_trial(scene, seed=seed) for scene in ("tune-1", "tune-2") for seed in (0, 1)]
     trials = tuple(replace(trial, command="ltvn evaluate --seed 0 1") for trial in made)
-    worlds = [replace(make_world_result(), maintenance=name) for name in ("static", "persistent")]
+    worlds = [make_world_result(maintenance=name) for name in ("static", "persistent")]
 
-    tables = markdown_tables(EvaluationResults(trials, ()), worlds)
+    tables = markdown_tables((*runs_of(*trials), *worlds))
 
     (row,) = tables["runs"].splitlines()[2:]
     assert "| tune-1, tune-2 | 0, 1 |" in row
@@ -126,8 +126,8 @@ PAGES = ROOT / "docs" / "systems.md", ROOT / "docs" / "lab-notebook" / "2026-11-
 
 @pytest.mark.parametrize("section", ["systems", "foreign"])
 def test_the_pages_show_what_was_measured(section: str, tmp_path: Path) -> None:
-    results = find_results(ROOT / "docs" / "measurements" / section).results
-    tables = {**markdown_tables(results), "overall": overall_table(rows_of(results.trials)).markdown()}
+    results = find_results(ROOT / "docs" / "measurements" / section)
+    tables = {**markdown_tables(results), "overall": overall_table(rows_of(results)).markdown()}
 
     for page in PAGES:
         written = page.read_text(encoding="utf-8")
@@ -141,8 +141,8 @@ def test_the_pages_show_what_was_measured(section: str, tmp_path: Path) -> None:
 
 
 def test_the_overall_table_is_the_first_rows_of_the_main_one() -> None:
-    results = find_results(ROOT / "docs" / "measurements" / "systems").results
-    overall = overall_table(rows_of(results.trials)).markdown()
+    results = find_results(ROOT / "docs" / "measurements" / "systems")
+    overall = overall_table(rows_of(results)).markdown()
 
     assert markdown_tables(results)["main"].startswith(overall)
     assert len(overall.splitlines()) == 12

@@ -131,7 +131,7 @@ def test_an_evaluation_runs_and_does_not_go_on_from_one_with_another_body(
     told: dict[str, Any], folder: Path, evaluation: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert summary(told["evaluate"])["episodes"] == 1
-    plan = json.loads(next((folder / "runs").glob("*/*/plan.json")).read_text())
+    plan = json.loads(next((folder / "runs").glob("*/*/run.json")).read_text())
     assert plan["protocol"]["body"] == "planar"
     pytest.importorskip("pybullet")
     refused = ltvn_here(capsys, *evaluation)

@@ -115,8 +115,8 @@ def tables() -> Iterator[Row]:
     """Yield the tables of the documents, made from the stored results."""
     for section in sorted(path.name for path in MEASUREMENTS.iterdir() if path.is_dir() and path.name != "presence"):
         found = find_results(MEASUREMENTS / section)
-        blocks = markdown_tables(found.results, found.worlds)
-        blocks["overall"] = overall_table(rows_of(found.results.trials)).markdown()
+        blocks = markdown_tables(found)
+        blocks["overall"] = overall_table(rows_of(found)).markdown()
         yield from (Row(f"{section}-{name}", block.splitlines()) for name, block in blocks.items())
     rivals = {entry.name: read_card(entry.weights) for entry in baseline_systems()}
     blocks = network_blocks(read_card(SHIPPED_WEIGHTS)) | baseline_blocks(rivals) | comparison_tables(MEASUREMENTS)

@@ -44,7 +44,7 @@ from ltvn_core.evaluation.reports.result_rows import (
     scene_name,
     scenes_of,
 )
-from ltvn_core.evaluation.results import EdgeCalibrationBin, EvaluationResults
+from ltvn_core.evaluation.results import EdgeCalibrationBin, Run
 
 _BAD: Colour = (0.78, 0.24, 0.32)
 """Colour of spurious edges."""
@@ -100,8 +100,8 @@ def _success(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
         linewidth=0,
     )
     for run in group.runs if len(group.runs) > 1 else ():
-        reached = [np.mean([episode.reached for episode in point.trial.episodes]) for point in run.points]
-        axes.plot([point.queries for point in run.points], reached, color=palette.grey, linewidth=0.9, alpha=0.7)
+        reached = [np.mean([episode.reached for episode in point.episodes]) for point in run.maps]
+        axes.plot([point.after for point in run.maps], reached, color=palette.grey, linewidth=0.9, alpha=0.7)
     axes.plot(at, [row.success.mean for row in points], "o-", color=palette.first, markersize=5)
     lowest = min((row.success.low for row in points), default=0.0)
     in_percent(axes, ylim=(max(0.0, np.floor(lowest * 10 - 1) / 10), 1.01))
@@ -248,10 +248,10 @@ def _legend(figure: Figure, columns: _Columns) -> None:
     figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 4 if len(handles) > 6 else 6))
 
 
-def figures_of(results: EvaluationResults, palette: FigurePalette) -> tuple[ReportFigure, ...]:
+def figures_of(runs: Sequence[Run], palette: FigurePalette) -> tuple[ReportFigure, ...]:
     """Yield all figures for which there are results, not yet drawn."""
-    rows = rows_of(results.trials)
-    lifelong_groups = group_lifelong(results.lifelong)
+    rows = rows_of(runs)
+    lifelong_groups = group_lifelong(runs)
     return tuple(
         chain(_row_figures(rows, palette), _map_figures(rows, palette), _lifelong_figures(lifelong_groups, palette))
     )
@@ -310,7 +310,9 @@ def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
             if row.setup.scene == scene
         ]
         title = f"Maps of {scene_name(scene)}"
-        caption = f"Map seed {panels[0].trial.seed}. Grey: too narrow for the robot. Red crosses: spurious edges."
+        caption = (
+            f"Map seed {panels[0].trial.columns.seed}. Grey: too narrow for the robot. Red crosses: spurious edges."
+        )
         yield ReportFigure(
             kind="floors",
             name=f"floors-{slug(scene_name(scene))}",
@@ -337,7 +339,7 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
             draw=partial(lifelong_figure, group, palette),
         )
         yield from _before_and_after(group, name, palette)
-    if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.points):
+    if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.maps):
         caption = "On the dashed line, p equals the share of edges that can be driven."
         yield ReportFigure(
             kind="calibration",
@@ -349,12 +351,12 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
 
 
 def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -> Iterable[ReportFigure]:
-    first = group.runs[0].points[0]
-    last = group.runs[0].points[-1]
-    if first is last or first.trial.floorplan is None or last.trial.floorplan is None:
+    first = group.runs[0].maps[0]
+    last = group.runs[0].maps[-1]
+    if first is last or first.floorplan is None or last.floorplan is None:
         return
-    panels = [MapPanel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]
-    caption = f"Map seed {group.runs[0].seed}, before and after maintenance. Red crosses: spurious edges."
+    panels = [MapPanel(f"after {point.after:,} queries", point) for point in (first, last)]
+    caption = f"Map seed {group.runs[0].columns.seed}, before and after maintenance. Red crosses: spurious edges."
     title = f"The map of {scene_name(group.scene)} before and after"
     yield ReportFigure(
         kind="lifelong", name=f"map-{name}", title=title, caption=caption, draw=partial(map_figure, panels, palette)

@@ -4,41 +4,26 @@ Finds and checks the files, and finds the moment of a failure in the recording o
 drives and recordings are only read.
 """
 
-import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluation.map_drawing import load_drawing
+from ltvn_core.evaluation.plans import refuse_older_results
 from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow
-from ltvn_core.evaluation.reports.result_rows import setup_of
-from ltvn_core.evaluation.results import (
-    EvaluationResults,
-    LifelongResult,
-    TrialResult,
-    WorldResult,
-    drawing_path,
-    load_drawing,
-    load_results,
-    stored_results,
-)
-from ltvn_core.evaluation.trial_plans import TrialFiles
+from ltvn_core.evaluation.results import ROWS, Run, drawing_path, failure_path, read_runs, rows_in
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, QueryEnded, StampedEvent
 from ltvn_core.types import FrameId
 
 BEFORE_S = 3.0
 """Time from the start of playback to the failure, in seconds."""
-TRIALS = "*.trial.json"
-LIFELONG = "*.lifelong.json"
-WORLDS = "*.world.json"
-_Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 
 def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
@@ -76,38 +61,44 @@ def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
     return float(np.min(stamps, initial=np.inf)) if len(stamps) else first.stamp
 
 
-@dataclass(frozen=True)
-class FoundResults:
-    """The results in a folder."""
+def find_results(folder: Path) -> tuple[Run, ...]:
+    """Read all results below a folder, with the drawings of their maps.
 
-    results: EvaluationResults
-    """The results as stored in the files."""
-    drawn: EvaluationResults
-    """The same results with the drawings of their maps, read from the files beside them."""
-    failures: tuple[FailureRow, ...]
-    """All failed episodes of the trials, with their recordings, still without images."""
-    worlds: tuple[WorldResult, ...] = ()
-    """Queries in worlds that change."""
-
-
-def find_results(folder: Path) -> FoundResults:
-    """Read all results below a folder. Raises OptionError for an empty folder, a damaged file, or two results of one
-    trial."""
+    Raises OptionError for an empty folder, a damaged file, results of version 0.1, or two folders with results of one
+    run.
+    """
     if not folder.is_dir():
         raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
-    trials = _longest((path, _trial(path)) for path in stored_results(folder, TRIALS))
-    lifelong = _longest((path, _lifelong(path)) for path in stored_results(folder, LIFELONG))
-    worlds = tuple(_world(path) for path in stored_results(folder, WORLDS))
-    if not trials and not lifelong and not worlds:
-        raise OptionError(f"{folder} holds no {TRIALS}, {LIFELONG} or {WORLDS}; make some with `ltvn evaluate`.")
-    return FoundResults(
-        results=EvaluationResults(tuple(trials.values()), tuple(lifelong.values())),
-        drawn=EvaluationResults(
-            tuple(_drawn_trial(path, trial) for path, trial in trials.items()),
-            tuple(_drawn_lifelong(path, result) for path, result in lifelong.items()),
-        ),
-        failures=tuple(row for path, trial in trials.items() for row in _failures(path, trial)),
-        worlds=worlds,
+    refuse_older_results(folder, (f"**/*.{kind}.json*" for kind in ("trial", "lifelong", "world")))
+    runs = tuple(drawn for run in read_runs(rows_in(folder)) if (drawn := _drawn(run)).maps)
+    if not runs:
+        raise OptionError(f"{folder} holds no results ({ROWS}); make some with `ltvn evaluate`.")
+    return runs
+
+
+def _drawn(run: Run) -> Run:
+    """Return a run with its drawings, and without maps at which nothing was driven yet."""
+    assert run.folder is not None
+    places = {known.after: drawing_path(run.folder, known.after) for known in run.maps}
+    maps = (
+        replace(known, floorplan=load_drawing(place) if (place := places[known.after]).exists() else None)
+        for known in run.maps
+        if known.episodes or (run.columns.world and run.queries)
+    )
+    return replace(run, maps=tuple(maps))
+
+
+def failed_episodes(runs: Iterable[Run]) -> tuple[FailureRow, ...]:
+    """Return all failed episodes of static tests, with their recordings, still without images."""
+    return tuple(
+        FailureRow(trial=known, episode=episode, drive=drive, recording=recording if recording.exists() else None)
+        for run in runs
+        if run.columns.maintenance is None and run.folder is not None
+        for drive in [run.folder.parent / "drive.rrd"]
+        for known in run.maps
+        for episode in known.episodes
+        if not episode.reached
+        for recording in [failure_path(run.folder, episode.query)]
     )
 
 
@@ -117,84 +108,6 @@ def with_images(rows: Iterable[FailureRow]) -> tuple[FailureRow, ...]:
     Unreadable files are skipped, because a report is useful without images.
     """
     return tuple(_illustrated(row) for row in rows)
-
-
-def _trial(path: Path) -> TrialResult:
-    trial = load_results(path, TrialResult)
-    if not trial.episodes:
-        raise OptionError(f"{path} holds no episode; evaluate it again.")
-    if (plan := trial.floorplan) is not None:
-        known = {node for node, *_ in plan.nodes}
-        if not known.issuperset(node for edge in plan.edges for node in edge[:2]):
-            raise OptionError(f"{path} has edges between nodes that it does not know; evaluate it again.")
-        if len({len(row) for row in plan.free}) > 1:
-            raise OptionError(f"{path} has a floor plan with rows of different lengths; evaluate it again.")
-    return trial
-
-
-def _lifelong(path: Path) -> LifelongResult:
-    result = load_results(path, LifelongResult)
-    if not result.points or not all(point.trial.episodes for point in result.points):
-        raise OptionError(f"{path} has no test, or one without episodes; run `ltvn lifelong` again.")
-    return result
-
-
-def _world(path: Path) -> WorldResult:
-    result = load_results(path, WorldResult)
-    if not result.queries:
-        raise OptionError(f"{path} holds no query; run `ltvn lifelong --world` again.")
-    return result
-
-
-def _drawn_trial(path: Path, trial: TrialResult) -> TrialResult:
-    folder, label = _plan(path)
-    drawing = drawing_path(folder, label, trial.queries)
-    if trial.floorplan is not None or not drawing.exists():
-        return trial
-    return replace(trial, floorplan=load_drawing(drawing))
-
-
-def _drawn_lifelong(path: Path, result: LifelongResult) -> LifelongResult:
-    points = tuple(replace(point, trial=_drawn_trial(path, point.trial)) for point in result.points)
-    return replace(result, points=points)
-
-
-def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
-    """Keep the longest of several results of one plan; the shorter results contain its first episodes."""
-    kept: dict[object, tuple[Path, _Result]] = {}
-    for path, result in found:
-        before, other = kept.get(key := _key(result), (path, result))
-        if _plan(before) != _plan(path):
-            raise OptionError(f"{before} and {path} are results of the same trial; move one of them away.")
-        kept[key] = (path, result) if _length(result) >= _length(other) else (before, other)
-    return dict(kept.values())
-
-
-def _plan(path: Path) -> tuple[Path, str]:
-    """Return folder and label of a result; its file name ends with its length."""
-    return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json(\.gz)?$", "", path.name)
-
-
-def _key(result: TrialResult | LifelongResult) -> object:
-    trial = result.points[0].trial if isinstance(result, LifelongResult) else result
-    return setup_of(trial), trial.seed
-
-
-def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
-    if isinstance(result, LifelongResult):
-        return len(result.queries), len(result.points[0].trial.episodes)
-    return len(result.episodes), 0
-
-
-def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
-    folder, label = _plan(path)
-    files = TrialFiles(folder, label)
-    for episode in trial.episodes:
-        if not episode.reached:
-            recording = files.failure(episode.query)
-            yield FailureRow(
-                trial=trial, episode=episode, drive=files.drive, recording=recording if recording.exists() else None
-            )
 
 
 def _illustrated(row: FailureRow) -> FailureRow:

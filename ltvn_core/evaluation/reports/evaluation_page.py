@@ -30,39 +30,39 @@ from ltvn_core.evaluation.reports.figure_style import (
     documentation_style,
     inline_svg,
 )
-from ltvn_core.evaluation.reports.result_rows import ResultRow, group_lifelong, rows_of, rows_over_scenes, scenes_of
+from ltvn_core.evaluation.reports.result_rows import (
+    ResultRow,
+    group_lifelong,
+    rows_of,
+    rows_over_scenes,
+    scenes_of,
+    static_tests,
+)
 from ltvn_core.evaluation.reports.world_tables import people_table, world_run_table, world_table
-from ltvn_core.evaluation.results import EvaluationResults, WorldResult
+from ltvn_core.evaluation.results import Run
 
 
-def render_page(
-    results: EvaluationResults,
-    failures: Sequence[FailureRow],
-    palette: FigurePalette,
-    *,
-    folder: Path,
-    worlds: Sequence[WorldResult] = (),
-) -> str:
+def render_page(runs: Sequence[Run], failures: Sequence[FailureRow], palette: FigurePalette, *, folder: Path) -> str:
     """Return the report as HTML for a file in `folder`, with these failures in its gallery.
 
     Raises OptionError if an image of the gallery is neither JPEG nor PNG.
     """
     with documentation_style(palette):
-        pictures = [(picture, Markup(inline_svg(picture, palette))) for picture in figures_of(results, palette)]
+        pictures = [(picture, Markup(inline_svg(picture, palette))) for picture in figures_of(runs, palette)]
     return _template(folder).render(
-        headline=headline(rows_of(results.trials)),
+        headline=headline(rows_of(runs)),
         pictures=pictures,
-        **{name.replace("-", "_"): table for name, table in report_tables(results, worlds).items()},
+        **{name.replace("-", "_"): table for name, table in report_tables(runs).items()},
         groups=_grouped(failures),
         shown=len(failures),
-        failed=sum(not episode.reached for trial in results.trials for episode in trial.episodes),
+        failed=sum(not episode.reached for trial in static_tests(runs) for episode in trial.episodes),
     )
 
 
 def headline(rows: Sequence[ResultRow]) -> str:
     """Return the main result as a sentence: success of each method at its last stage, over all scenes."""
     whole = [row for row in rows if not row.setup.ablated]
-    first = [row for row in whole if not row.trials[0].conditions] or whole
+    first = [row for row in whole if not row.trials[0].columns.conditions] or whole
     count = len(scenes_of(first))
     latest = {row.setup.method: row for row in (rows_over_scenes(first) if count > 1 else first)}
     shares = [f"{method} {percent(row.success.mean, 0)}" for method, row in latest.items()]
@@ -89,17 +89,18 @@ def _grouped(rows: Sequence[FailureRow]) -> dict[str, list[FailureRow]]:
     return groups
 
 
-def report_tables(results: EvaluationResults, worlds: Sequence[WorldResult]) -> dict[str, ReportTable]:
+def report_tables(runs: Sequence[Run]) -> dict[str, ReportTable]:
     """Return all tables by name."""
-    rows = rows_of(results.trials)
+    worlds = [run for run in runs if run.columns.world]
+    rows = rows_of(runs)
     return {
         "main": main_table(rows),
         "margins": margin_table(rows),
         "sizes": size_table(rows),
         "causes": cause_table(rows),
         "recognition": recognition_table(rows),
-        "lifelong": lifelong_table(group_lifelong(results.lifelong)),
-        "runs": run_table(results),
+        "lifelong": lifelong_table(group_lifelong(runs)),
+        "runs": run_table(runs),
         "worlds": world_table(worlds),
         "people": people_table(worlds),
         "world-runs": world_run_table(worlds),

@@ -20,12 +20,14 @@ from ltvn_core.evaluation.reports.result_rows import (
     ResultRow,
     calibration_error,
     calibration_of,
+    group_lifelong,
     maintenance_intervals,
     rows_over_scenes,
     scene_name,
     setup_of,
+    static_tests,
 )
-from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult
+from ltvn_core.evaluation.results import Run, TestedMap
 
 NO_RESULTS = "No results yet."
 
@@ -169,11 +171,11 @@ def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
     return ReportTable(caption=caption, head=(*head, "added", "pruned (bad)", "seeds"), rows=body, words=2)
 
 
-def run_table(results: EvaluationResults) -> ReportTable:
+def run_table(runs: Sequence[Run]) -> ReportTable:
     """Return the commands and versions behind all results, with the weights of each scene and seed."""
     head = ("method", "network", "scenes", "seeds", "weights", "version", "command")
-    made = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
-    made += [_lifelong_run(result) for result in results.lifelong if result.points]
+    made = [(*_stage_of(trial), str(trial.columns.seed), *_origin(trial)) for trial in static_tests(runs)]
+    made += [_lifelong_run(run) for group in group_lifelong(runs) for run in group.runs]
     rows = (
         ((method, stage, version, command), (scene, seed, weights))
         for scene, method, stage, seed, weights, version, command in made
@@ -201,7 +203,7 @@ def percent(number: float, digits: int = 1) -> str:
 def _lifelong_lines(group: LifelongGroup) -> Iterable[tuple[str, ...]]:
     changes = {interval.until: interval for interval in maintenance_intervals(group)}
     for row in group.points():
-        tests = [point for run in group.runs for point in run.points if point.queries == row.setup.queries]
+        tests = [point for run in group.runs for point in run.maps if point.after == row.setup.queries]
         gap = calibration_error(calibration_of(tests))
         change = changes.get(row.setup.queries)
         done = ("–", "–") if change is None else (_count(change.added_edges), _pruned(change))
@@ -225,12 +227,12 @@ def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
 
 
 def _of_one_scene(rows: Sequence[ResultRow]) -> Sequence[ResultRow]:
-    return rows if len({trial.scene for row in rows for trial in row.trials}) == 1 else ()
+    return rows if len({scene for row in rows for scene in row.scenes}) == 1 else ()
 
 
 def _occasion(row: ResultRow) -> str:
     """Return the stage, and any conditions that were harder than usual."""
-    return ", ".join([row.setup.stage, *row.trials[0].conditions])
+    return ", ".join([row.setup.stage, *row.trials[0].columns.conditions])
 
 
 def _pruned(change: MaintenanceInterval) -> str:
@@ -242,19 +244,19 @@ def _named(row: ResultRow) -> tuple[str, str, str]:
     return scene_name(row.setup.scene), row.setup.method, row.setup.stage
 
 
-def _stage_of(trial: TrialResult) -> tuple[str, str, str]:
+def _stage_of(trial: TestedMap) -> tuple[str, str, str]:
     setup = setup_of(trial)
     return scene_name(setup.scene), setup.method, setup.stage
 
 
-def _origin(trial: TrialResult) -> tuple[str, str, str]:
+def _origin(trial: TestedMap) -> tuple[str, str, str]:
     return trial.fingerprint, trial.version, trial.command
 
 
-def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
-    trial = result.points[0].trial
+def _lifelong_run(result: Run) -> tuple[str, ...]:
+    trial = result.maps[0]
     queries = f"{len(result.queries):,} queries"
-    return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
+    return (*_stage_of(trial)[:2], queries, str(result.columns.seed), *_origin(trial))
 
 
 def _driving(row: ResultRow) -> tuple[str, str, str]:

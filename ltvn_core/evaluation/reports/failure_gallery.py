@@ -13,7 +13,7 @@ from pathlib import Path
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.reports.result_rows import TrialSetup, order_of, scene_name, setup_of
-from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.results import TestedMap
 
 _QUESTION = "edge"
 """Name of the debugger's question “What about this edge?”."""
@@ -24,7 +24,7 @@ _MIME_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 class FailureRow:
     """One failed episode in the gallery."""
 
-    trial: TrialResult
+    trial: TestedMap
     episode: QueryResult
     start: bytes | None = None
     """The robot's first image, JPEG or PNG."""

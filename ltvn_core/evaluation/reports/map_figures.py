@@ -14,8 +14,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ltvn_core.evaluation.map_drawing import MapDrawing
 from ltvn_core.evaluation.reports.figure_style import WIDTH_IN, Colour, FigurePalette, probability_colour_map
-from ltvn_core.evaluation.results import MapDrawing, TrialResult
+from ltvn_core.evaluation.results import TestedMap
 
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
 _TWO_IN_A_ROW = 4
@@ -27,7 +28,7 @@ class MapPanel(NamedTuple):
     """One map and its heading."""
 
     title: str
-    trial: TrialResult
+    trial: TestedMap
 
 
 def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:

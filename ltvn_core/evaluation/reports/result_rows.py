@@ -15,7 +15,7 @@ import numpy as np
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
 from ltvn_core.evaluation.query_result import FailureCause
-from ltvn_core.evaluation.results import EdgeCalibrationBin, LifelongPoint, LifelongResult, TrialResult
+from ltvn_core.evaluation.results import OWN_MAINTENANCE, EdgeCalibrationBin, Run, TestedMap
 from ltvn_core.systems.registry import known_system, system_names
 
 ALL_SCENES = "all scenes"
@@ -51,7 +51,7 @@ class ResultRow:
     """All trials of one setup."""
 
     setup: TrialSetup
-    trials: tuple[TrialResult, ...]
+    trials: tuple[TestedMap, ...]
     """Trials, one for each map seed; in a row over all scenes, one for each scene and seed."""
 
     @cached_property
@@ -72,43 +72,49 @@ class ResultRow:
     @property
     def seeds(self) -> tuple[int, ...]:
         """Map seeds."""
-        return tuple(sorted({trial.seed for trial in self.trials}))
+        return tuple(sorted({trial.columns.seed for trial in self.trials}))
+
+    @property
+    def scenes(self) -> set[str]:
+        """Scenes of the trials, without conditions."""
+        return {trial.columns.scene for trial in self.trials}
 
     def failed(self, cause: FailureCause) -> float:
         """Return the share of the episodes that failed for a cause."""
         return self.metrics.failures[cause.value] / self.metrics.episodes
 
 
-def setup_of(trial: TrialResult) -> TrialSetup:
+def setup_of(trial: TestedMap) -> TrialSetup:
     """Return the settings that a trial shares with the others of its row."""
     # Fine-tuning is a stage of every method, so it is not part of the method's name.
-    without = [part for part in trial.without if not part.replace("-", "").startswith("finetun")]
-    system = known_system(trial.method)
-    name = trial.method if system is None else system.label
+    columns = trial.columns
+    without = [part for part in columns.without if not part.replace("-", "").startswith("finetun")]
+    system = known_system(columns.method)
+    name = columns.method if system is None else system.label
     if system is not None and system.preset_in_label:
-        name = f"{name} {trial.preset}"
-    elif trial.preset != "robust":
-        name = f"{name}, {trial.preset} navigator"
+        name = f"{name} {columns.preset}"
+    elif columns.preset != "robust":
+        name = f"{name}, {columns.preset} navigator"
     if without:
         name = f"{name} without {', '.join(without)}"
-    if asked_the_truth := trial.fingerprint == "oracle":
+    if asked_the_truth := columns.predictor == "oracle":
         name = f"{name} with the oracle"
-    if trial.perturbations:
-        name = f"{name}, camera with {', '.join(trial.perturbations)}"
+    if columns.perturbations:
+        name = f"{name}, camera with {', '.join(columns.perturbations)}"
     return TrialSetup(
-        scene=_under(trial.scene, trial),
-        system=trial.method,
-        preset=trial.preset,
+        scene=_under(columns.scene, trial),
+        system=columns.method,
+        preset=columns.preset,
         method=name,
-        finetuned=trial.finetuned,
-        queries=trial.queries,
-        ablated=bool(without or trial.perturbations) or asked_the_truth,
+        finetuned=columns.finetuned,
+        queries=trial.after,
+        ablated=bool(without or columns.perturbations) or asked_the_truth,
     )
 
 
-def _under(place: str, trial: TrialResult) -> str:
+def _under(place: str, trial: TestedMap) -> str:
     """Return the name of a scene, or of all scenes, with the conditions of a trial."""
-    return ", ".join([place, *trial.conditions])
+    return ", ".join([place, *trial.columns.conditions])
 
 
 def scene_name(scene: str) -> str:
@@ -121,9 +127,14 @@ def order_of(setup: TrialSetup) -> tuple[object, ...]:
     return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
 
 
-def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
-    """Group trials into rows, by scene, then method, then stage."""
-    return _gathered(trials, setup_of)
+def static_tests(runs: Iterable[Run]) -> tuple[TestedMap, ...]:
+    """Return the maps that no query may change, with their episodes."""
+    return tuple(known for run in runs if run.columns.maintenance is None for known in run.maps)
+
+
+def rows_of(runs: Iterable[Run]) -> tuple[ResultRow, ...]:
+    """Group static tests into rows, by scene, then method, then stage."""
+    return _gathered(static_tests(runs), setup_of)
 
 
 def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
@@ -131,10 +142,12 @@ def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
     trials = [trial for row in rows for trial in row.trials]
     scenes: dict[str, set[str]] = {}
     for trial in trials:
-        scenes.setdefault(_under(ALL_SCENES, trial), set()).add(trial.scene)
+        scenes.setdefault(_under(ALL_SCENES, trial), set()).add(trial.columns.scene)
     whole = _gathered(trials, lambda trial: replace(setup_of(trial), scene=_under(ALL_SCENES, trial)))
     found = [(row, scenes[row.setup.scene]) for row in whole]
-    return tuple(row for row, all_of in found if len(all_of) > 1 and {trial.scene for trial in row.trials} == all_of)
+    return tuple(
+        row for row, all_of in found if len(all_of) > 1 and {trial.columns.scene for trial in row.trials} == all_of
+    )
 
 
 def methods_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
@@ -147,11 +160,13 @@ def scenes_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(row.setup.scene for row in rows))
 
 
-def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], TrialSetup]) -> tuple[ResultRow, ...]:
-    groups: dict[TrialSetup, list[TrialResult]] = {}
+def _gathered(trials: Iterable[TestedMap], key: Callable[[TestedMap], TrialSetup]) -> tuple[ResultRow, ...]:
+    groups: dict[TrialSetup, list[TestedMap]] = {}
     for trial in trials:
         groups.setdefault(key(trial), []).append(trial)
-    rows = [ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.seed))) for setup, found in groups.items()]
+    rows = [
+        ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.columns.seed))) for setup, found in groups.items()
+    ]
     return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
 
 
@@ -169,19 +184,16 @@ class LifelongGroup:
     scene: str
     method: str
     """Label of the method."""
-    runs: tuple[LifelongResult, ...]
+    runs: tuple[Run, ...]
     """One result for each map seed."""
 
     def points(self) -> tuple[ResultRow, ...]:
         """Return the static tests of all runs as rows, by the number of queries before each test."""
-        found: dict[int, list[LifelongPoint]] = {}
+        found: dict[int, list[TestedMap]] = {}
         for run in self.runs:
-            for point in run.points:
-                found.setdefault(point.queries, []).append(point)
-        return tuple(
-            ResultRow(setup_of(points[0].trial), tuple(point.trial for point in points))
-            for _, points in sorted(found.items())
-        )
+            for point in run.maps:
+                found.setdefault(point.after, []).append(point)
+        return tuple(ResultRow(setup_of(points[0]), tuple(points)) for _, points in sorted(found.items()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,33 +211,33 @@ class MaintenanceInterval:
     """Mean number of added edges that are spurious."""
 
 
-def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:
-    """Group results by scene, then method. A result without points is left out."""
-    groups: dict[tuple[str, str], list[LifelongResult]] = {}
+def group_lifelong(results: Iterable[Run]) -> tuple[LifelongGroup, ...]:
+    """Group the runs with maintenance in a scene that does not change by scene, then method."""
+    groups: dict[tuple[str, str], list[Run]] = {}
     for result in results:
-        if result.points:
-            setup = setup_of(result.points[0].trial)
-            method = setup.method
-            method += f", {result.maintenance} maintenance" if result.maintenance else ""
+        if result.queries and result.columns.world is None:
+            setup = setup_of(result.maps[0])
+            maintenance = result.columns.maintenance
+            method = setup.method + (f", {maintenance} maintenance" if maintenance != OWN_MAINTENANCE else "")
             groups.setdefault((setup.scene, method), []).append(result)
     return tuple(
-        LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.seed)))
+        LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.columns.seed)))
         for (scene, method), runs in sorted(groups.items())
     )
 
 
 def maintenance_intervals(group: LifelongGroup) -> tuple[MaintenanceInterval, ...]:
     """Return the changes by maintenance from each test to the next."""
-    tests = sorted({point.queries for run in group.runs for point in run.points})
+    tests = sorted({point.after for run in group.runs for point in run.maps})
     return tuple(_interval(group, first, until) for first, until in pairwise(tests))
 
 
-def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[LifelongPoint]:
+def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[TestedMap]:
     """Return the first or the last test of each run."""
-    return [run.points[-1 if last else 0] for group in lifelong_groups for run in group.runs]
+    return [run.maps[-1 if last else 0] for group in lifelong_groups for run in group.runs]
 
 
-def calibration_of(points: Iterable[LifelongPoint]) -> tuple[EdgeCalibrationBin, ...]:
+def calibration_of(points: Iterable[TestedMap]) -> tuple[EdgeCalibrationBin, ...]:
     """Add up the calibration of p over several tests, without empty bins."""
     found: dict[tuple[float, float], list[EdgeCalibrationBin]] = {}
     for point in points:

@@ -10,7 +10,7 @@ import numpy as np
 from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.evaluation.reports.evaluation_tables import ReportTable, merged_rows, percent
 from ltvn_core.evaluation.reports.result_rows import scene_name
-from ltvn_core.evaluation.results import WorldResult
+from ltvn_core.evaluation.results import Run
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
@@ -30,7 +30,7 @@ _PEOPLE_HEAD = (
 )
 
 
-def world_table(results: Sequence[WorldResult]) -> ReportTable:
+def world_table(results: Sequence[Run]) -> ReportTable:
     """Return the metrics of each maintenance in each world, in each scene and, if there are several, over all."""
     head = (
         *(
@@ -55,43 +55,57 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
     return ReportTable(caption=caption, head=head, rows=body, words=3)
 
 
-def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
+def world_run_table(results: Sequence[Run]) -> ReportTable:
     """Return the commands and versions behind all results."""
     head = ("world", "scenes", "maintenance", "seeds", "version", "command")
-    rows = (
-        ((_world(each), each.version, each.command), (scene_name(each.scene), each.maintenance, str(each.seed)))
-        for each in _sorted(results)
-    )
+    rows = ((_origin(each), _place(each)) for each in _sorted(results))
     body = tuple((world, *cells, version, command) for (world, version, command), cells in merged_rows(rows))
     return ReportTable(caption="Command that repeats each result.", head=head, rows=body, words=6)
 
 
-def world_groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
+def world_groups(results: Sequence[Run]) -> Iterator[tuple[str, str, Sequence[Run]]]:
     """Yield world, scene and the results of one maintenance there, in the order of the table."""
     ordered = _sorted(results)
     for world in dict.fromkeys(map(_world, ordered)):
         here = [result for result in ordered if _world(result) == world]
-        scenes = list(dict.fromkeys(result.scene for result in here))
+        scenes = list(dict.fromkeys(result.columns.scene for result in here))
         for scene in (*([ALL_SCENES] if len(scenes) > 1 else []), *scenes):
-            there = [result for result in here if scene in (ALL_SCENES, result.scene)]
-            for name in dict.fromkeys(result.maintenance for result in there):
-                yield world, scene, [result for result in there if result.maintenance == name]
+            there = [result for result in here if scene in (ALL_SCENES, result.columns.scene)]
+            for name in dict.fromkeys(_maintenance(result) for result in there):
+                yield world, scene, [result for result in there if _maintenance(result) == name]
 
 
-def _sorted(results: Iterable[WorldResult]) -> list[WorldResult]:
+def _sorted(results: Iterable[Run]) -> list[Run]:
     order = {name: place for place, name in enumerate(MAINTENANCE_NAMES)}
-    return sorted(results, key=lambda each: (_world(each), order.get(each.maintenance, 99), each.scene, each.seed))
+
+    def key(result: Run) -> tuple[object, ...]:
+        columns = result.columns
+        return _world(result), order.get(_maintenance(result), 99), columns.scene, columns.seed
+
+    return sorted(results, key=key)
 
 
-def _world(result: WorldResult) -> str:
-    return f"{result.world}, {result.days:g} days"
+def _origin(result: Run) -> tuple[str, str, str]:
+    return _world(result), result.maps[0].version, result.maps[0].command
 
 
-def _line(world: str, scene: str, results: Sequence[WorldResult]) -> tuple[str, ...]:
+def _place(result: Run) -> tuple[str, str, str]:
+    return scene_name(result.columns.scene), _maintenance(result), str(result.columns.seed)
+
+
+def _world(result: Run) -> str:
+    return f"{result.columns.world}, {result.columns.days:g} days"
+
+
+def _maintenance(result: Run) -> str:
+    return result.columns.maintenance or ""
+
+
+def _line(world: str, scene: str, results: Sequence[Run]) -> tuple[str, ...]:
     found = world_metrics(results)
-    seeds = ", ".join(map(str, sorted({result.seed for result in results})))
+    seeds = ", ".join(map(str, sorted({result.columns.seed for result in results})))
     return (
-        *(world, scene if scene == ALL_SCENES else scene_name(scene), results[0].maintenance),
+        *(world, scene if scene == ALL_SCENES else scene_name(scene), _maintenance(results[0])),
         f"{percent(found.success_rate)} ({100 * found.success_low:.1f} to {100 * found.success_high:.1f})",
         *(_on_detours(found), f"{found.spl:.2f}", f"{found.blocked_tries_per_100:.1f}"),
         *(f"{found.door_tries_per_100:.1f}", _waits(found)),
@@ -109,7 +123,7 @@ def _on_detours(found: WorldMetrics) -> str:
     return "–" if found.success_on_detours is None else f"{percent(found.success_on_detours)} ({found.detours})"
 
 
-def people_table(results: Sequence[WorldResult]) -> ReportTable:
+def people_table(results: Sequence[Run]) -> ReportTable:
     """Return the encounters with people in each world and scene and, if there are several scenes, over all scenes.
 
     Worlds without encounters have no row.
@@ -124,12 +138,12 @@ def people_table(results: Sequence[WorldResult]) -> ReportTable:
     return ReportTable(caption=caption, head=_PEOPLE_HEAD, rows=body, words=3)
 
 
-def _people_line(world: str, scene: str, results: Sequence[WorldResult]) -> tuple[str, ...]:
+def _people_line(world: str, scene: str, results: Sequence[Run]) -> tuple[str, ...]:
     found: WorldMetrics = world_metrics(results)
     people = found.people
-    seeds = ", ".join(map(str, sorted({result.seed for result in results})))
+    seeds = ", ".join(map(str, sorted({result.columns.seed for result in results})))
     return (
-        *(world, scene if scene == ALL_SCENES else scene_name(scene), results[0].maintenance),
+        *(world, scene if scene == ALL_SCENES else scene_name(scene), _maintenance(results[0])),
         *(f"{people.encounters:,}", f"{people.touched:,}", f"{people.avoidable:,}", *_distances(people)),
         *(percent(people.gave_way / people.encounters), f"{people.stood_s / people.encounters:.1f}"),
         *(percent(found.success_rate), f"{found.spl:.2f}", f"{found.queries:,}", seeds),

@@ -7,7 +7,7 @@ import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
 from ltvn_core.evaluation.query_result import EncounterCounts, PresenceScore, QueryResult
-from ltvn_core.evaluation.results import DoorMove, WorldResult
+from ltvn_core.evaluation.results import DoorMove, Run
 from ltvn_core.network.metrics import SuccessRate
 
 LEAST_DETOUR_M = 0.5
@@ -65,12 +65,12 @@ class WorldMetrics:
     steps_per_episode: float
 
 
-def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
+def world_metrics(results: Sequence[Run]) -> WorldMetrics:
     """Return the metrics of results of one maintenance. Raises ValueError if there are none."""
     queries = [query for result in results for query in result.queries]
     success, spl = (each.within(0, 1) for each in estimates([_sample(result) for result in results]))
     success = success.covering(SuccessRate.of(sum(query.reached for query in queries), len(queries)))
-    waits = [wait for result in results for wait in reopening_waits(result.queries, result.doors)]
+    waits = [wait for result in results for wait in reopening_waits(result.queries, result.maps[0].doors)]
     detours = [query.reached for query in queries if query.detour_m >= LEAST_DETOUR_M]
     now = [query.now for query in queries if query.now is not None]
     later = [query.later for query in queries if query.later is not None]
@@ -93,11 +93,11 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
         brier_later=_brier(later),
         calibration=_calibration_error(now),
         calibration_later=_calibration_error(later),
-        lost_edges_share=_mean(result.queries[-1].lost_edges / max(result.true_edges, 1) for result in results),
+        lost_edges_share=_mean(_lost_share(result) for result in results),
         nodes=_mean(result.queries[-1].nodes for result in results),
         edges=_mean(result.queries[-1].edges for result in results),
-        nodes_before=_mean(result.nodes for result in results),
-        edges_before=_mean(result.edges for result in results),
+        nodes_before=_mean(result.maps[0].map.nodes for result in results),
+        edges_before=_mean(result.maps[0].map.edges for result in results),
         collisions_per_episode=_mean(query.collisions for query in queries),
         people=sum((query.people for query in queries), EncounterCounts()),
         steps_per_episode=_mean(query.steps for query in queries),
@@ -135,12 +135,18 @@ def _wait(queries: Sequence[QueryResult], door: int) -> int:
     return wanted + 1 if wanted else 0
 
 
+def _lost_share(result: Run) -> float:
+    before = result.maps[0].map
+    return result.queries[-1].lost_edges / max(before.edges - before.spurious_edges, 1)
+
+
 def _door_tries(query: QueryResult) -> int:
     return query.blocked_tries if query.door_tries is None else query.door_tries
 
 
-def _sample(result: WorldResult) -> SampleGroup:
-    return SampleGroup(result.scene, np.array([(query.reached, query.spl) for query in result.queries], np.float64))
+def _sample(result: Run) -> SampleGroup:
+    rows = [(query.reached, query.spl) for query in result.queries]
+    return SampleGroup(result.columns.scene, np.array(rows, np.float64))
 
 
 def _brier(scores: Sequence[PresenceScore]) -> float:

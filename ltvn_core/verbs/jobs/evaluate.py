@@ -3,7 +3,7 @@
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from tqdm import tqdm
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.metrics import compute_metrics
 from ltvn_core.evaluation.perturbations import chosen_perturbations
+from ltvn_core.evaluation.plans import RunFiles, RunPlan, sole_evaluation
 from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
-from ltvn_core.evaluation.results import TrialResult
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, sole_evaluation
-from ltvn_core.evaluation.trials import episodes_to_run, record_failures, run_trials
-from ltvn_core.evaluation.workers import Part, workers
+from ltvn_core.evaluation.results import Run
+from ltvn_core.evaluation.runner import record_failures, run_plans, share_of, work_in
+from ltvn_core.evaluation.workers import Part, Workers, workers
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
@@ -68,9 +68,9 @@ def _protocol(options: ProtocolOptions, episodes: int) -> EvaluationProtocol:
     return protocol_under(plain, options.conditions)
 
 
-def trial_plans(
+def run_plans_of(
     options: ProtocolOptions, system: str, episodes: int, perturbations: tuple[str, ...] = ()
-) -> list[TrialPlan]:
+) -> list[RunPlan]:
     """Return a plan for each scene and seed. Raises OptionError and SceneError."""
     if (
         not options.scene
@@ -84,7 +84,7 @@ def trial_plans(
     protocol = _protocol(options, episodes)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
     return [
-        TrialPlan(
+        RunPlan(
             scene=scene,
             seed=seed,
             system=system,
@@ -102,38 +102,55 @@ def trial_plans(
     ]
 
 
+def run_on_bar(
+    options: ProtocolOptions,
+    plans: Sequence[RunPlan],
+    *,
+    title: str,
+    unit: str,
+    share_name: str = "",
+    then: Callable[[Workers, Sequence[Run]], object] = lambda parallel, runs: None,
+) -> tuple[list[Run], float] | PartSummary:
+    """Run some plans under a progress bar, alone in their folders.
+
+    Returns the finished runs and the time in seconds, or the summary of a part if other parts are unfinished. If all
+    are finished, calls `then` first. Raises as `run_plans` does.
+    """
+    started = time.monotonic()
+    part = Part.parse(options.part)
+    share = share_of(plans, part)
+    with (
+        sole_evaluation(plans, f"{share_name}{part.label}", options.folder),
+        workers(options.processes, options.cluster, options.folder) as parallel,
+        tqdm(total=work_in(share), desc=title, unit=unit) as bar,
+    ):
+        progress = progress_on_bar(bar, len(share))
+        runs = run_plans(plans, options.folder, command=command(), parallel=parallel, progress=progress, part=part)
+        if len(runs) < len(plans):
+            seconds = time.monotonic() - started
+            return PartSummary(str(part), bar.n, len(plans), len(runs), options.folder, seconds)
+        then(parallel, runs)
+    return runs, time.monotonic() - started
+
+
 def evaluate(options: EvaluateVerb) -> EvaluateSummary | PartSummary:
     """Run all episodes that have no result yet. Raises OptionError, SceneError, WeightsError, MapError and
     RecordingError."""
     if options.record_failures < 0:
         raise OptionError(f"--record-failures must be 0 or more, got {options.record_failures}.")
-    started = time.monotonic()
-    part = Part.parse(options.part)
-    plans = trial_plans(options, options.system, options.episodes, chosen_perturbations(options.perturb))
-    with (
-        sole_evaluation(((plan, part.label) for plan in plans), options.folder),
-        workers(options.processes, options.cluster, options.folder) as parallel,
-        tqdm(total=episodes_to_run(plans, options.episodes, part), desc="evaluate", unit="episode") as bar,
-    ):
-        trials = run_trials(
-            plans,
-            options.folder,
-            episodes=options.episodes,
-            command=command(),
-            parallel=parallel,
-            progress=progress_on_bar(bar, len(plans)),
-            part=part,
-        )
-        if len(trials) < len(plans):
-            return PartSummary(str(part), bar.n, len(plans), len(trials), options.folder, time.monotonic() - started)
+    plans = run_plans_of(options, options.system, options.episodes, chosen_perturbations(options.perturb))
+
+    def record(parallel: Workers, runs: Sequence[Run]) -> None:
         if options.record_failures:
-            jobs = [(plan, TrialFiles.of(plan, options.folder)) for plan in plans]
-            again = zip(jobs, trials, strict=True)
-            list(parallel(delayed(record_failures)(*job, trial, options.record_failures) for job, trial in again))
-    return _summary(options, trials, time.monotonic() - started)
+            again = [(plan, RunFiles.of(plan, options.folder), run) for plan, run in zip(plans, runs, strict=True)]
+            list(parallel(delayed(record_failures)(*each, options.record_failures) for each in again))
+
+    found = run_on_bar(options, plans, title="evaluate", unit="episode", then=record)
+    return found if isinstance(found, PartSummary) else _summary(options, *found)
 
 
-def _summary(options: EvaluateVerb, trials: Sequence[TrialResult], wall_s: float) -> EvaluateSummary:
+def _summary(options: EvaluateVerb, runs: Sequence[Run], wall_s: float) -> EvaluateSummary:
+    trials = [known for run in runs for known in run.maps]
     found = compute_metrics(trials)
     return EvaluateSummary(
         scenes=options.scene,

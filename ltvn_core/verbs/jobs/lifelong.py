@@ -1,25 +1,18 @@
 """`ltvn lifelong`: the paper's lifelong test, and the same test in a changing world."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from tqdm import tqdm
-
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule, run_lifelong
 from ltvn_core.evaluation.metrics import LifelongMetrics, lifelong_metrics
-from ltvn_core.evaluation.results import LifelongResult, WorldResult
-from ltvn_core.evaluation.trial_plans import sole_evaluation
-from ltvn_core.evaluation.workers import Part, workers
-from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
+from ltvn_core.evaluation.plans import Schedule
+from ltvn_core.evaluation.results import Run
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
-from ltvn_core.evaluation.worlds.world_plans import WorldPlan
-from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.evaluation.worlds.world_schedule import check_world
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.jobs.evaluate import command, trial_plans
-from ltvn_core.verbs.jobs.evaluation_progress import PartSummary, progress_on_bar
+from ltvn_core.verbs.jobs.evaluate import run_on_bar, run_plans_of
+from ltvn_core.verbs.jobs.evaluation_progress import PartSummary
 from ltvn_core.verbs.lifelong import LifelongVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -68,6 +61,8 @@ def run_lifelong_test(options: LifelongVerb) -> Summary:
 
     Raises OptionError, SceneError, WeightsError, MapError, RecordingError, and WorldError.
     """
+    if options.queries < 1:
+        raise OptionError(f"--queries must be 1 or more, got {options.queries}.")
     if len({*options.maintenance}) < len(options.maintenance):
         raise OptionError("--maintenance has a name twice.")
     if options.world is not None and options.conditions:
@@ -83,45 +78,33 @@ def run_lifelong_test(options: LifelongVerb) -> Summary:
 
 
 def _in_world(options: LifelongVerb, world: str) -> Summary:
-    started = time.monotonic()
-    trials = trial_plans(options, DEFAULT_SYSTEM, options.episodes)
+    schedule = Schedule(queries=options.queries, every=options.every, world=world, days=options.days)
     plans = [
-        WorldPlan(trial=trial, world=world, maintenance=name, queries=options.queries, days=options.days)
+        replace(plan, maintenance=name, schedule=schedule)
         for name in options.maintenance or (options.preset,)
-        for trial in trials
+        for plan in run_plans_of(options, DEFAULT_SYSTEM, options.episodes)
     ]
-    for plan in {plan.trial.scene: plan for plan in plans}.values():
-        plan.script(load_scene(plan.trial.scene))  # Invalid options are rejected now, not after minutes of mapping.
-    part = Part.parse(options.part)
-    shares = [(plan.trial, f"{Path(world).name}-{plan.maintenance}-{part.label}") for plan in plans]
-    with (
-        sole_evaluation(shares, options.folder),
-        workers(options.processes, options.cluster, options.folder) as parallel,
-        tqdm(total=options.queries * len(part.of(plans)), desc=f"world {world}", unit="query") as bar,
-    ):
-        progress = progress_on_bar(bar, len({plan.trial for plan in part.of(plans)}))
-        results = run_world_evaluation(
-            plans, options.folder, command=command(), parallel=parallel, progress=progress, part=part
-        )
-    if len(results) < len(plans):
-        return PartSummary(str(part), bar.n, len(plans), len(results), options.folder, time.monotonic() - started)
-    return _world_summary(options, results, time.monotonic() - started)
+    for plan in {plan.scene: plan for plan in plans}.values():
+        check_world(plan)  # Invalid options are rejected now, not after minutes of mapping.
+    found = run_on_bar(options, plans, title=f"world {world}", unit="query")
+    return found if isinstance(found, PartSummary) else _world_summary(options, *found)
 
 
-def _world_summary(options: LifelongVerb, results: Sequence[WorldResult], wall_s: float) -> WorldSummary:
-    names = dict.fromkeys(result.maintenance for result in results)
-    found = {name: world_metrics([each for each in results if each.maintenance == name]) for name in names}
-    first = results[0]
-    metrics = found[first.maintenance]
+def _world_summary(options: LifelongVerb, results: Sequence[Run], wall_s: float) -> WorldSummary:
+    by_name: dict[str, list[Run]] = {}
+    for result in results:
+        by_name.setdefault(result.columns.maintenance or "", []).append(result)
+    found = {name: world_metrics(several) for name, several in by_name.items()}
+    first, metrics = next(iter(found.items()))
     return WorldSummary(
         **{field.name: getattr(metrics, field.name) for field in fields(metrics)},
-        world=first.world,
-        days=first.days,
-        scenes=tuple(dict.fromkeys(result.scene for result in results)),
-        preset=first.preset,
-        without=first.without,
+        world=options.world or "",
+        days=options.days,
+        scenes=tuple(dict.fromkeys(result.columns.scene for result in results)),
+        preset=options.preset,
+        without=results[0].columns.without,
         seeds=options.seed,
-        maintenance=first.maintenance,
+        maintenance=first,
         by_maintenance=found,
         folder=options.folder,
         wall_s=wall_s,
@@ -129,28 +112,17 @@ def _world_summary(options: LifelongVerb, results: Sequence[WorldResult], wall_s
 
 
 def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:
-    started = time.monotonic()
-    schedule = LifelongSchedule(options.queries, options.every, options.episodes)
-    part = Part.parse(options.part)
-    plans = [replace(plan, maintenance=maintenance) for plan in trial_plans(options, DEFAULT_SYSTEM, options.episodes)]
-    with (
-        sole_evaluation(((plan, part.label) for plan in plans), options.folder),
-        workers(options.processes, options.cluster, options.folder) as parallel,
-        tqdm(total=schedule.work * len(part.of(plans)), desc="lifelong", unit="query") as bar,
-    ):
-        progress = progress_on_bar(bar, len(part.of(plans)))
-        results = run_lifelong(
-            plans, options.folder, schedule, command=command(), parallel=parallel, progress=progress, part=part
-        )
-    if len(results) < len(plans):
-        return PartSummary(str(part), bar.n, len(plans), len(results), options.folder, time.monotonic() - started)
-    return _summary(options, results, maintenance, time.monotonic() - started)
+    schedule = Schedule(queries=options.queries, every=options.every)
+    plans = [
+        replace(plan, maintenance=maintenance, schedule=schedule)
+        for plan in run_plans_of(options, DEFAULT_SYSTEM, options.episodes)
+    ]
+    found = run_on_bar(options, plans, title="lifelong", unit="query")
+    return found if isinstance(found, PartSummary) else _summary(options, *found, maintenance)
 
 
-def _summary(
-    options: LifelongVerb, results: Sequence[LifelongResult], maintenance: str | None, wall_s: float
-) -> LifelongSummary:
-    scenes = dict.fromkeys(result.scene for result in results)
+def _summary(options: LifelongVerb, results: Sequence[Run], wall_s: float, maintenance: str | None) -> LifelongSummary:
+    scenes = dict.fromkeys(result.columns.scene for result in results)
     return LifelongSummary(
         scenes=options.scene,
         preset=options.preset,
@@ -160,7 +132,9 @@ def _summary(
         every=options.every,
         episodes=options.episodes,
         all=lifelong_metrics(results),
-        by_scene={scene: lifelong_metrics([each for each in results if each.scene == scene]) for scene in scenes},
+        by_scene={
+            scene: lifelong_metrics([each for each in results if each.columns.scene == scene]) for scene in scenes
+        },
         folder=options.folder,
         wall_s=wall_s,
     )

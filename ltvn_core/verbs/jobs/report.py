@@ -1,5 +1,6 @@
 """`ltvn report`: the results of an evaluation, as one HTML page and as JSON."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,11 +8,12 @@ from tqdm import tqdm
 
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.reports.evaluation_files import FoundResults, find_results, with_images
+from ltvn_core.evaluation.reports.evaluation_files import failed_episodes, find_results, with_images
 from ltvn_core.evaluation.reports.evaluation_page import render_page
-from ltvn_core.evaluation.reports.failure_gallery import select_failures
+from ltvn_core.evaluation.reports.failure_gallery import FailureRow, select_failures
 from ltvn_core.evaluation.reports.figure_style import FIGURE_PALETTE
-from ltvn_core.evaluation.results import save_results
+from ltvn_core.evaluation.reports.result_rows import static_tests
+from ltvn_core.evaluation.results import Run, json_rows
 from ltvn_core.verbs.report import ReportVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -35,17 +37,19 @@ class ReportSummary:
 def write_report(options: ReportVerb) -> Summary:
     """Read, draw and write; raises OptionError and RecordingError."""
     _check(options)
-    found = find_results(options.folder)
-    shown = _write(options, found)
-    trials = found.results.trials
+    runs = find_results(options.folder)
+    failed = failed_episodes(runs)
+    shown = _write(options, runs, failed)
+    trials = static_tests(runs)
+    worlds = sum(run.columns.world is not None for run in runs)
     return ReportSummary(
         output=options.output,
         results=_json(options),
         trials=len(trials),
-        lifelong=len(found.results.lifelong),
-        worlds=len(found.worlds),
+        lifelong=len(runs) - len(trials) - worlds,
+        worlds=worlds,
         episodes=sum(len(trial.episodes) for trial in trials),
-        failed=len(found.failures),
+        failed=len(failed),
         failures_shown=shown,
     )
 
@@ -61,15 +65,15 @@ def _check(options: ReportVerb) -> None:
         raise OptionError(f"--failures must be 0 or more, got {options.failures}.")
 
 
-def _write(options: ReportVerb, found: FoundResults) -> int:
+def _write(options: ReportVerb, runs: Sequence[Run], failed: Sequence[FailureRow]) -> int:
     """Write page and JSON, and return the number of failures on the page."""
-    rows = with_images(tqdm(select_failures(found.failures, options.failures), desc="failures", unit="episode"))
-    html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=options.output.parent, worlds=found.worlds)
+    rows = with_images(tqdm(select_failures(failed, options.failures), desc="failures", unit="episode"))
+    html = render_page(runs, rows, FIGURE_PALETTE, folder=options.output.parent)
     try:
         # An older report is replaced only when the new files are complete.
         with atomic_replacement(options.output) as page, atomic_replacement(_json(options)) as results:
             page.write_text(html, encoding="utf-8")
-            save_results(results, found.results)
+            results.write_text(json_rows(runs), encoding="utf-8")
     except OSError as error:
         raise OptionError(f"{options.output} cannot be written ({error.strerror}); name another --output.") from error
     return len(rows)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
-from ltvn_core.evaluation.results import MapTruthMetrics, TrialResult
+from ltvn_core.evaluation.results import MapTruthMetrics, RunColumns, TestedMap
 
 
 def episode(number: int, *, reached: bool, steps: int = 200, collisions: int = 0) -> QueryResult:
@@ -27,24 +27,16 @@ def episode(number: int, *, reached: bool, steps: int = 200, collisions: int = 0
     )
 
 
-def trial(reached: Sequence[bool], *, scene: str = "tune-1", seed: int = 0, method: str = "ltvn") -> TrialResult:
+def trial(reached: Sequence[bool], *, scene: str = "tune-1", seed: int = 0, method: str = "ltvn") -> TestedMap:
     """Return a trial whose episodes went like this."""
-    return TrialResult(
-        scene=scene,
-        method=method,
-        preset="robust",
-        without=(),
-        finetuned=True,
-        seed=seed,
-        queries=0,
+    return TestedMap(
+        columns=RunColumns(scene=scene, seed=seed, method=method, preset="robust", finetuned=True, predictor="network"),
         images=1000,
         fingerprint="none",
         map=MapTruthMetrics(nodes=100 + seed, edges=400, spurious_edges=4, pieces=1, goals_connected=10),
-        floorplan=None,
         episodes=tuple(
             episode(k, reached=bool(well), steps=200 + k, collisions=k % 3) for k, well in enumerate(reached)
         ),
-        wall_s=1.0,
         version="0",
         command="none",
     )
@@ -52,7 +44,7 @@ def trial(reached: Sequence[bool], *, scene: str = "tune-1", seed: int = 0, meth
 
 def random_trials(
     rates: Sequence[float], *, episodes: int = 50, method: str = "ltvn", scenes: Sequence[str] = ("tune-1", "tune-2")
-) -> list[TrialResult]:
+) -> list[TestedMap]:
     """Return a trial for each scene and rate, which is its share of success but for chance."""
     rng = np.random.default_rng(7)
     return [

@@ -13,12 +13,12 @@ import pytest
 from psutil import Process
 
 from ltvn_core.errors import EngineError, OptionError
+from ltvn_core.evaluation.plans import RunPlan
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryResult
-from ltvn_core.evaluation.results import TrialResult
-from ltvn_core.evaluation.trial_plans import TrialPlan
-from ltvn_core.evaluation.trials import run_trials
+from ltvn_core.evaluation.results import Run, read_runs, rows_in
+from ltvn_core.evaluation.runner import run_plans
 from ltvn_core.evaluation.workers import WHOLE, Part, workers
 from tests.core.simulation.two_room_mesh import box_house, save
 from tests.platforms import needs_posix
@@ -31,18 +31,16 @@ EPISODES, SEEDS = 1, (0, 1)
 
 def run(
     house: Path, folder: Path, *, cluster: str | None = None, part: Part = WHOLE, on_work: object = None
-) -> list[TrialResult]:
+) -> list[Run]:
     protocol = EvaluationProtocol(loops=1, goals=4, episodes=EPISODES, step_limit=100)
-    plans = [TrialPlan(scene=str(house), seed=seed, predictor="oracle", protocol=protocol) for seed in SEEDS]
+    plans = [RunPlan(scene=str(house), seed=seed, predictor="oracle", protocol=protocol) for seed in SEEDS]
     progress = EvaluationProgress(lambda _: None, on_work or (lambda _: None))  # type: ignore[arg-type]
     with workers(1, cluster, folder) as parallel:
-        return run_trials(
-            plans, folder, episodes=EPISODES, command="test", parallel=parallel, progress=progress, part=part
-        )
+        return run_plans(plans, folder, command="test", parallel=parallel, progress=progress, part=part)
 
 
-def episodes(trials: list[TrialResult]) -> list[tuple[QueryResult, ...]]:
-    return [trial.episodes for trial in trials]
+def episodes(runs: list[Run]) -> list[tuple[QueryResult, ...]]:
+    return [known.episodes for run in runs for known in run.maps]
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +50,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(house: Path, tmp_path_factory: pytest.TempPathFactory) -> list[TrialResult]:
+def alone(house: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
     return run(house, tmp_path_factory.mktemp("alone"))
 
 
@@ -91,16 +89,14 @@ def test_parts_are_everything_and_have_nothing_in_common() -> None:
             Part.parse(wrong)
 
 
-def test_two_parts_in_one_folder_come_to_the_same_numbers(
-    house: Path, alone: list[TrialResult], tmp_path: Path
-) -> None:
+def test_two_parts_in_one_folder_come_to_the_same_numbers(house: Path, alone: list[Run], tmp_path: Path) -> None:
     first = run(house, tmp_path, part=Part(1, 2))
     assert len(first) == len(SEEDS) / 2
     assert episodes(run(house, tmp_path, part=Part(2, 2))) == episodes(alone)
 
 
 def test_a_dask_cluster_comes_to_the_same_numbers_though_a_worker_dies(
-    house: Path, alone: list[TrialResult], tmp_path: Path
+    house: Path, alone: list[Run], tmp_path: Path
 ) -> None:
     pytest.importorskip("distributed")
     port = free_port()
@@ -122,7 +118,27 @@ def test_a_dask_cluster_comes_to_the_same_numbers_though_a_worker_dies(
         assert killed
 
 
-def test_a_local_cluster_is_started_and_stopped(house: Path, alone: list[TrialResult], tmp_path: Path) -> None:
+def test_two_processes_killed_in_the_middle_go_on_to_the_same_rows(house: Path, tmp_path: Path) -> None:
+    def evaluation(folder: Path, processes: int) -> tuple[str, ...]:
+        size = "--loops 1 --goals 4 --episodes 30 --step-limit 60 --predictor oracle --body planar"
+        told = f"evaluate --scene {house} {size} --folder {folder} --processes {processes}".split()
+        return (sys.executable, "-c", "import sys; from ltvn_core.cli import main; sys.exit(main())", *told)
+
+    def rows() -> int:
+        return sum(path.read_bytes().count(b"\n") for path in tmp_path.rglob("killed/*/*/episodes-*.jsonl"))
+
+    with program(*evaluation(tmp_path / "killed", 2)):
+        until(lambda: rows() > 4)
+    assert 4 < rows() < 30
+    for folder, processes in (("killed", 2), ("whole", 1)):
+        assert subprocess.run(evaluation(tmp_path / folder, processes), check=False).returncode == 0
+    (killed,), (whole,) = (read_runs(rows_in(tmp_path / name)) for name in ("killed", "whole"))
+    assert [episode.query for episode in whole.maps[0].episodes] == list(range(30))
+    assert killed.maps[0].episodes == whole.maps[0].episodes
+    assert killed.maps[0].map == whole.maps[0].map
+
+
+def test_a_local_cluster_is_started_and_stopped(house: Path, alone: list[Run], tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     assert episodes(run(house, tmp_path, cluster="local:2")) == episodes(alone)
 

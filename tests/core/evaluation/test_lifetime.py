@@ -2,7 +2,7 @@
 
 import itertools
 import shutil
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,13 +13,13 @@ from ltvn_core.data.recording.map_file import load_map, save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.lifelong_evaluation import LifelongDrive, LifelongSchedule, bad_edges
+from ltvn_core.evaluation.lifelong_drive import bad_edges
+from ltvn_core.evaluation.plans import RunFiles, RunPlan, Schedule
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
-from ltvn_core.evaluation.results import LifelongResult, load_results
-from ltvn_core.evaluation.segments import batch_ranges, open_runner, run_query_batch
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.results import Run, read_queries
+from ltvn_core.evaluation.runner import batch_ranges, finished_run, open_runner, run_query_batch
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded
 from ltvn_core.graph.operators import pose_row
@@ -35,6 +35,7 @@ pytestmark = pytest.mark.slow
 WALL_X = 3.0
 FALSE_EDGES = 15
 QUERIES = 4
+SCHEDULE = Schedule(queries=3, every=2)
 SURE = Belief(0.9, 0.05, 0.01)
 """Of an edge that is not there; so short that the planner likes it."""
 
@@ -61,16 +62,16 @@ def copied(mapped: Path, folder: Path) -> Path:
     return Path(shutil.copytree(mapped, folder, dirs_exist_ok=True))
 
 
-def plan(folder: Path) -> TrialPlan:
+def plan(folder: Path) -> RunPlan:
     protocol = EvaluationProtocol(loops=1, goals=3, episodes=3, step_limit=300)
-    return TrialPlan(scene=str(folder / "house.glb"), seed=0, predictor="oracle", protocol=protocol)
+    return RunPlan(scene=str(folder / "house.glb"), seed=0, predictor="oracle", protocol=protocol, schedule=SCHEDULE)
 
 
-def files(folder: Path) -> TrialFiles:
-    return TrialFiles.of(plan(folder), folder / "runs")
+def files(folder: Path) -> RunFiles:
+    return RunFiles.of(plan(folder), folder / "runs")
 
 
-def plant(where: TrialFiles) -> None:
+def plant(where: RunFiles) -> None:
     """Add edges between places of different rooms that nobody can drive."""
     loaded = load_map(where.map())
     truth = GroundTruth(load_scene(loaded.meta.scene).clearance, loaded.observations.__getitem__)
@@ -87,7 +88,7 @@ def plant(where: TrialFiles) -> None:
 
 
 def drive_queries(folder: Path, first: int, until: int) -> None:
-    run_query_batch(partial(LifelongDrive, plan(folder), files(folder)), files(folder), first, until)
+    run_query_batch(plan(folder), files(folder), first, until)
 
 
 def graph(folder: Path, queries: int) -> TopologicalGraph:
@@ -95,7 +96,7 @@ def graph(folder: Path, queries: int) -> TopologicalGraph:
 
 
 def queries(folder: Path, first: int, until: int) -> tuple[QueryResult, ...]:
-    return load_results(files(folder).query_batch(first, until), QueryBatch).queries
+    return tuple(read_queries(files(folder).query_batch(first, until)))
 
 
 def test_false_edges_that_were_driven_leave_the_map_and_count_as_bad(lived: Path) -> None:
@@ -161,9 +162,9 @@ def test_a_lifelong_test_has_a_static_test_at_each_point_and_is_only_read_the_se
 ) -> None:
     folder = copied(mapped, tmp_path)
     lived, result = live(folder)
-    assert [point.queries for point in result.points] == [0, 2, 3]
-    assert [len(point.trial.episodes) for point in result.points] == [2, 2, 2]
-    assert [point.trial.map.edges for point in result.points] == [len(graph(folder, k).edges) for k in (0, 2, 3)]
+    assert [known.after for known in result.maps] == [0, 2, 3]
+    assert [len(known.episodes) for known in result.maps] == [2, 2, 2]
+    assert [known.map.edges for known in result.maps] == [len(graph(folder, k).edges) for k in (0, 2, 3)]
     assert [query.query for query in result.queries] == [0, 1, 2]
     life = lived.by_scene["house"]
     assert (life.before.queries, life.after.queries, life.queries) == (0, 3, 3)
@@ -174,7 +175,7 @@ def test_a_lifelong_test_has_a_static_test_at_each_point_and_is_only_read_the_se
     assert again.by_scene == lived.by_scene
 
 
-def live(folder: Path) -> tuple[LifelongSummary, LifelongResult]:
+def live(folder: Path) -> tuple[LifelongSummary, Run]:
     """Run the whole test as a user would."""
     verb = LifelongVerb(
         scene=(str(folder / "house.glb"),),
@@ -190,13 +191,16 @@ def live(folder: Path) -> tuple[LifelongSummary, LifelongResult]:
     )
     lived = verb.run()
     assert isinstance(lived, LifelongSummary)
-    return lived, load_results(files(folder).lifelong(3, 2, 2), LifelongResult)
+    plans = replace(plan(folder), protocol=replace(plan(folder).protocol, episodes=2))
+    run = finished_run(plans, folder / "runs")
+    assert run is not None
+    return lived, run
 
 
 def test_a_schedule_tests_before_in_between_and_after() -> None:
-    assert LifelongSchedule(700, 100).points == (0, 100, 200, 300, 400, 500, 600, 700)
-    assert LifelongSchedule(10, 4).points == (0, 4, 8, 10)
-    assert LifelongSchedule(5, 100).points == (0, 5)
+    assert Schedule(queries=700).tests == (0, 100, 200, 300, 400, 500, 600, 700)
+    assert Schedule(queries=10, every=4).tests == (0, 4, 8, 10)
+    assert Schedule(queries=5).tests == (0, 5)
     assert batch_ranges(100, 160) == [(100, 125), (125, 150), (150, 160)]
     with pytest.raises(OptionError, match="every 0"):
-        LifelongSchedule(every=0)
+        Schedule(every=0)

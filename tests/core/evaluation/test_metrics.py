@@ -18,14 +18,14 @@ from ltvn_core.evaluation.metrics import (
     recognition_of,
 )
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
-from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.results import TestedMap
 from tests.core.evaluation.fake_trials import random_trials, trial
 
 OUTCOMES = st.lists(st.lists(st.booleans(), min_size=1, max_size=12), min_size=1, max_size=4)
 """Of the episodes of each trial."""
 
 
-def trials_of(outcomes: list[list[bool]]) -> list[TrialResult]:
+def trials_of(outcomes: list[list[bool]]) -> list[TestedMap]:
     return [trial(reached, scene=f"tune-{k % 2}", seed=k) for k, reached in enumerate(outcomes)]
 
 
@@ -104,7 +104,7 @@ def test_maps_are_averaged_over_trials() -> None:
 
 
 @pytest.mark.parametrize("trials", [[], [trial([])]], ids=["no trial", "no episode"])
-def test_nothing_has_no_metrics(trials: list[TrialResult]) -> None:
+def test_nothing_has_no_metrics(trials: list[TestedMap]) -> None:
     with pytest.raises(ValueError, match="at least one"):
         compute_metrics(trials)
     with pytest.raises(ValueError, match="at least one"):
@@ -132,14 +132,14 @@ def test_the_difference_of_two_methods_is_that_of_their_means() -> None:
 def test_pairs_are_surer_than_hard_negatives() -> None:
     ours = random_trials([0.5, 0.9])
     worse = [replace(each, episodes=_with_one_more_failure(each)) for each in ours]
-    strangers = [replace(each, seed=each.seed + 10) for each in worse]
+    strangers = [replace(each, columns=replace(each.columns, seed=each.columns.seed + 10)) for each in worse]
     paired, unpaired = compare_methods(ours, worse), compare_methods(ours, strangers)
     assert (paired.paired, unpaired.paired) == (True, False)
     assert paired.success_rate.mean == pytest.approx(unpaired.success_rate.mean)
     assert width(paired.success_rate) < width(unpaired.success_rate) / 2
 
 
-def _with_one_more_failure(good: TrialResult) -> tuple[QueryResult, ...]:
+def _with_one_more_failure(good: TestedMap) -> tuple[QueryResult, ...]:
     first = next(k for k, each in enumerate(good.episodes) if each.reached)
     return tuple(replace(each, reached=each.reached and k != first) for k, each in enumerate(good.episodes))
 

@@ -3,20 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import trimesh
 from joblib import Parallel
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.evaluation import preparation_progress
+from ltvn_core.evaluation.plans import RunFiles, RunPlan
 from ltvn_core.evaluation.preparation import DriveGroundTruth
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.query_result import append_to_log, read_query_log
-from ltvn_core.evaluation.results import TrialResult, load_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import run_trials
+from ltvn_core.evaluation.results import TestedMap, append_rows, load_results
+from ltvn_core.evaluation.runner import run_plans
 from ltvn_core.navigation.events import Note
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary
@@ -34,15 +32,15 @@ def open_house(path: Path) -> Path:
     return save(house, path)
 
 
-def run(plan: TrialPlan, folder: Path, told: list[float] | None = None) -> TrialResult:
+def run(plan: RunPlan, folder: Path, told: list[float] | None = None) -> TestedMap:
     progress = EvaluationProgress(
         maps_ready=lambda ready: None,
         work_done=lambda done: None,
         preparing=(lambda share: None) if told is None else told.append,
     )
     parallel = Parallel(n_jobs=1, return_as="generator_unordered")
-    (trial,) = run_trials([plan], folder, episodes=EPISODES, command="test", parallel=parallel, progress=progress)
-    return trial
+    (run,) = run_plans([plan], folder, command="test", parallel=parallel, progress=progress)
+    return run.maps[0]
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +49,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plan(folder: Path) -> TrialPlan:
+def plan(folder: Path) -> RunPlan:
     protocol = EvaluationProtocol(loops=1, goals=3, episodes=EPISODES, step_limit=150)
-    return TrialPlan(scene=str(open_house(folder / "open.glb")), seed=0, predictor="oracle", protocol=protocol)
+    return RunPlan(scene=str(open_house(folder / "open.glb")), seed=0, predictor="oracle", protocol=protocol)
 
 
 @pytest.fixture(scope="module")
@@ -62,17 +60,15 @@ def told() -> list[float]:
 
 
 @pytest.fixture(scope="module")
-def trial(plan: TrialPlan, folder: Path, told: list[float]) -> TrialResult:
+def trial(plan: RunPlan, folder: Path, told: list[float]) -> TestedMap:
     with pytest.MonkeyPatch.context() as patch:
         # A fast machine prepares such a small map before anybody would want to be told.
         patch.setattr(preparation_progress, "_EVERY_S", 0.005)
         return run(plan, folder, told)
 
 
-def test_the_evaluation_ends_and_counts_the_images_without_depth(
-    trial: TrialResult, plan: TrialPlan, folder: Path
-) -> None:
-    files = TrialFiles.of(plan, folder)
+def test_the_evaluation_ends_and_counts_the_images_without_depth(trial: TestedMap, plan: RunPlan, folder: Path) -> None:
+    files = RunFiles.of(plan, folder)
     drive = Recording.open(files.drive)
     blind = [frame for frame in drive.frames if not drive.observation(frame).has_depth]
 
@@ -84,42 +80,26 @@ def test_the_evaluation_ends_and_counts_the_images_without_depth(
     assert any(f"Image {blind[0]} has no depth" in note for note in notes)
 
 
-def test_a_collected_drive_says_how_many_images_have_no_depth(plan: TrialPlan, tmp_path: Path) -> None:
+def test_a_collected_drive_says_how_many_images_have_no_depth(plan: RunPlan, tmp_path: Path) -> None:
     collected = CollectVerb(output=tmp_path / "tour.rrd", scene=plan.scene, loops=1).run()
     assert isinstance(collected, CollectSummary)
     assert 0 < collected.without_depth < collected.frames
     assert collected.doubts == ()
 
 
-def test_preparing_a_map_is_told_while_it_goes_on(trial: TrialResult, told: list[float]) -> None:
+def test_preparing_a_map_is_told_while_it_goes_on(trial: TestedMap, told: list[float]) -> None:
     assert any(0 < share < 1 for share in told)
     assert told == sorted(told)
 
 
-def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TrialResult, plan: TrialPlan, folder: Path) -> None:
-    files = TrialFiles.of(plan, folder)
-    batch = files.episodes(0, 0, EPISODES)
+def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TestedMap, plan: RunPlan, folder: Path) -> None:
+    batch = RunFiles.of(plan, folder).episodes(0, 0)
     batch.unlink()
-    files.trial(EPISODES).unlink()
-    marked = replace(trial.episodes[0], steps=77, seconds=1.0)
-    append_to_log(batch.with_suffix(".part"), marked)
+    append_rows(batch, trial.columns, [replace(trial.episodes[0], steps=77)])
+    with batch.open("ab") as file:
+        file.write(b'\n{"scene":"open","se')
 
     again = run(plan, folder)
 
     assert again.episodes[0].steps == 77, "the episode that was done is not run again"
     assert again.episodes[1:] == trial.episodes[1:]
-    assert not batch.with_suffix(".part").exists()
-
-
-def test_a_line_that_was_cut_off_costs_its_episode_alone(trial: TrialResult, tmp_path: Path) -> None:
-    path = tmp_path / "episodes.part"
-    for episode in trial.episodes:
-        append_to_log(path, episode)
-    whole = path.read_bytes()
-    rng = np.random.default_rng(0)
-    for size in rng.integers(0, len(whole), 40):
-        path.write_bytes(whole[:size])
-        kept = read_query_log(path)
-        assert kept == list(trial.episodes[: len(kept)])
-        append_to_log(path, trial.episodes[-1])
-        assert read_query_log(path)[-1] == trial.episodes[-1]

@@ -1,31 +1,22 @@
 """Rows of queries are written without empty columns, and those of older files are still read."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_result import QueryBatch, QueryResult, append_to_log, read_query_log
-from ltvn_core.evaluation.results import LifelongResult, TrialResult, WorldResult, load_results, save_results
+from ltvn_core.evaluation.query_result import QueryResult, append_to_log, read_query_log
+from ltvn_core.evaluation.results import RunColumns, columns_line, read_queries, read_runs
 from ltvn_core.evaluation.worlds.world_metrics import world_metrics
 from tests.repository import ROOT
 
 MEASURED = ROOT / "docs/measurements"
 
-OLD_EPISODES = """{"episodes":[{"episode":7,"start":6848,"goal":4331,"reached":true,"outcome":"arrived","failure":null,
-"trigger":null,"steps":165,"collisions":0,"path_m":4.0,"shortest_m":2.0,"position_error_m":0.048,
-"yaw_error_rad":0.065}],"wall_s":3.5}"""
 OLD_ROBOT_LINE = (
     '{"phase": "queries", "number": 3, "goal": 14, "outcome": "arrived", "reached": true, "judged_by": "truth", '
     '"away_m": 0.2, "path_m": 4.5, "seconds": 31.0, "pruned": 1, "added": 4}'
 )
-
-
-def test_an_older_batch_of_episodes_is_read(tmp_path: Path) -> None:
-    (tmp_path / "old.json").write_text(OLD_EPISODES, encoding="utf-8")
-    batch: QueryBatch = load_results(tmp_path / "old.json", QueryBatch)
-    (result,) = batch.queries
-    assert (result.query, result.goal, result.spl, batch.wall_s) == (7, 4331, 0.5, 3.5)
 
 
 def test_an_older_line_of_a_robot_is_read(tmp_path: Path) -> None:
@@ -36,27 +27,30 @@ def test_an_older_line_of_a_robot_is_read(tmp_path: Path) -> None:
     assert (new.query, new.reached) == (4, False)
 
 
-def test_older_results_of_all_kinds_are_read() -> None:
-    trial: TrialResult = load_results(MEASURED / "evaluation/apartment-70-0/ltvn-25.trial.json", TrialResult)
-    (lifelong_file,) = (MEASURED / "house/aws_small_house-0").glob("*.lifelong.json.gz")
-    lifelong: LifelongResult = load_results(lifelong_file, LifelongResult)
-    world_file = next(MEASURED.glob("changing/apartment-70-0/ltvn/*/persistent.world.json.gz"))
-    world: WorldResult = load_results(world_file, WorldResult)
-    assert [episode.query for episode in trial.episodes] == list(range(25))
-    assert all(episode.spl > 0 for episode in trial.episodes if episode.reached)
+def test_stored_results_of_all_kinds_are_read() -> None:
+    (static,) = read_runs([MEASURED / "evaluation/apartment-70-0/ltvn/rows.jsonl.gz"])
+    (lifelong,) = read_runs([MEASURED / "house/aws_small_house-0/ltvn-lifelong/rows.jsonl.gz"])
+    world_file = MEASURED / "changing/apartment-70-0/ltvn-persistent-doors-50-in-0.5-days/rows.jsonl.gz"
+    (world,) = read_runs([world_file])
+    episodes = static.maps[0].episodes
+    assert [episode.query for episode in episodes] == list(range(25))
+    assert all(episode.spl > 0 for episode in episodes if episode.reached)
     assert [query.query for query in lifelong.queries] == list(range(50))
     assert lifelong.queries[-1].nodes > 0
     assert world_metrics([world]).brier > 0
 
 
-def test_a_row_is_written_without_the_columns_that_nobody_filled(tmp_path: Path) -> None:
-    rows = QueryBatch((QueryResult(query=0, reached=True, outcome="arrived", doors_used=(1,)),), 1.0)
-    save_results(tmp_path / "rows.json", rows)
-    assert "yaw_error_rad" not in (tmp_path / "rows.json").read_text(encoding="utf-8")
-    assert load_results(tmp_path / "rows.json", QueryBatch) == rows
+def test_a_line_has_the_columns_of_its_run_and_none_that_nobody_filled() -> None:
+    columns = RunColumns(
+        scene="demo", seed=3, method="ltvn", preset="robust", finetuned=True, predictor="network", world="doors", days=2
+    )
+    row = QueryResult(query=0, reached=True, outcome="arrived", at_s=90_000.0, doors_used=(1,))
+    line = json.loads(columns_line(columns, row))
+    assert (line["scene"], line["seed"], line["world"], line["day"], line["query"]) == ("demo", 3, "doors", 2, 0)
+    assert "yaw_error_rad" not in line
 
 
 def test_a_column_that_no_version_had_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "rows.json").write_text(OLD_EPISODES.replace("outcome", "fate"), encoding="utf-8")
-    with pytest.raises(OptionError, match="QueryBatch"):
-        load_results(tmp_path / "rows.json", QueryBatch)
+    (tmp_path / "rows.jsonl").write_text('{"query":1,"reached":true,"fate":"arrived"}', encoding="utf-8")
+    with pytest.raises(OptionError, match=r"rows\.jsonl"):
+        read_queries(tmp_path / "rows.jsonl")

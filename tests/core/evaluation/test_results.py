@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.results import MapDrawing, drawing_path, load_drawing, save_drawing
+from ltvn_core.evaluation.map_drawing import MapDrawing, load_drawing, save_drawing
+from ltvn_core.evaluation.results import drawing_path
 from tests.core.evaluation.reports.fake_results import make_floorplan
 
 EMPTY = MapDrawing(origin=(0.0, 0.0), resolution_m=0.05, free=(), nodes=(), edges=())
@@ -36,8 +37,8 @@ def test_a_drawing_takes_a_few_kilobytes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"no drawing"])
 def test_a_broken_drawing_is_named(tmp_path: Path, content: bytes) -> None:
-    path = drawing_path(tmp_path, "ltvn", 100)
+    path = drawing_path(tmp_path, 100)
     path.write_bytes(content)
 
-    with pytest.raises(OptionError, match=r"ltvn-map-0100\.npz is not a drawing"):
+    with pytest.raises(OptionError, match=r"map-0100\.npz is not a drawing"):
         load_drawing(path)

@@ -1,17 +1,21 @@
 """Small made-up results of an evaluation, for tests of its report."""
 
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from ltvn_core.evaluation.map_drawing import MapDrawing, save_drawing
 from ltvn_core.evaluation.query_result import FailureCause, PresenceBin, PresenceScore, QueryResult
 from ltvn_core.evaluation.results import (
     EdgeCalibrationBin,
-    EvaluationResults,
-    LifelongPoint,
-    LifelongResult,
-    MapDrawing,
     MapTruthMetrics,
-    TrialResult,
-    WorldResult,
+    Run,
+    RunColumns,
+    TestedMap,
+    append_rows,
+    drawing_path,
 )
 
 ODDS = {"ltvn": 0.88, "sptm": 0.45, "ving": 0.55}
@@ -77,54 +81,83 @@ def make_trial(
     nodes: int | None = None,
     spurious: int = 3,
     plan: bool = True,
-) -> TrialResult:
+    maintenance: str | None = None,
+) -> TestedMap:
     """One trial of made-up episodes."""
     rng = np.random.default_rng([seed, episodes, len(method), queries, finetuned])
     odds = ODDS[method] * (1.0 if finetuned else 0.7) * (0.7 if preset == "paper" else 1) if odds is None else odds
     nodes = (90 if method == "ltvn" else 1200) + int(rng.integers(20)) if nodes is None else nodes
-    return TrialResult(
-        scene=scene,
-        method=method,
-        preset=preset,
-        without=without,
-        finetuned=finetuned,
-        seed=seed,
-        queries=queries,
+    return TestedMap(
+        columns=RunColumns(
+            scene=scene,
+            seed=seed,
+            method=method,
+            preset=preset,
+            without=without,
+            finetuned=finetuned,
+            predictor="network",
+            maintenance=maintenance,
+        ),
+        after=queries,
         images=1200 + seed,
         fingerprint="0123abcd",
         map=MapTruthMetrics(
             nodes=nodes, edges=3 * nodes + spurious, spurious_edges=spurious, pieces=1, goals_connected=10
         ),
         floorplan=make_floorplan(nodes, spurious, rng) if plan else None,
-        episodes=tuple(make_episode(number, odds, rng) for number in range(episodes)),
-        wall_s=61.0,
+        episodes=tuple(replace(make_episode(number, odds, rng), after=queries) for number in range(episodes)),
         version="0.1.0",
         command=f"ltvn evaluate --scene {scene} --system {method} --episodes {episodes} --seed {seed}",
     )
 
 
-def make_lifelong_result(
-    scene: str = "tune-1", seed: int = 0, *, points: int = 4, episodes: int = 20
-) -> LifelongResult:
+def with_columns(known: TestedMap, **changed: Any) -> TestedMap:
+    """Return a map with other columns."""
+    return replace(known, columns=replace(known.columns, **changed))
+
+
+def runs_of(*maps: TestedMap) -> tuple[Run, ...]:
+    """Return a static test of each map."""
+    return tuple(Run(known.columns, (known,)) for known in maps)
+
+
+def keep(folder: Path, run: Run, label: str = "") -> Path:
+    """Write a run as an evaluation leaves it, into a folder of its scene and seed, and return its file."""
+    columns = run.columns
+    name = label or "-".join([columns.method, *columns.without, *filter(None, (columns.maintenance, columns.world))])
+    path = folder / f"{columns.scene}-{columns.seed}" / name / "rows.jsonl"
+    for known in run.maps:
+        append_rows(path, columns, [known, *known.episodes])
+        if known.floorplan is not None:
+            save_drawing(drawing_path(path.parent, known.after), known.floorplan)
+    append_rows(path, columns, run.queries)
+    return path
+
+
+def make_lifelong_result(scene: str = "tune-1", seed: int = 0, *, points: int = 4, episodes: int = 20) -> Run:
     """A run of queries that gets better."""
     rng = np.random.default_rng(seed)
-    return LifelongResult(
-        scene=scene,
-        preset="robust",
-        without=(),
-        seed=seed,
-        points=tuple(_a_point(scene, seed, 100 * number, episodes, rng) for number in range(points)),
+    command = f"ltvn lifelong --scene {scene} --seed {seed} --queries {100 * (points - 1)}"
+    maps = [_a_point(scene, seed, 100 * number, episodes, rng) for number in range(points)]
+    return Run(
+        columns=maps[0].columns,
+        maps=tuple(replace(known, command=command) for known in maps),
         queries=tuple(_a_query(number, rng) for number in range(100 * (points - 1))),
-        version="0.1.0",
-        command=f"ltvn lifelong --scene {scene} --seed {seed} --queries {100 * (points - 1)}",
     )
 
 
-def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.Generator) -> LifelongPoint:
+def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.Generator) -> TestedMap:
     odds = 0.97 - 0.12 * np.exp(-queries / 150)
     nodes, spurious = 90 + queries // 50, int(12 * np.exp(-queries / 120))
-    trial = make_trial(
-        scene, seed=seed, queries=queries, episodes=episodes, odds=float(odds), nodes=nodes, spurious=spurious
+    known = make_trial(
+        scene,
+        seed=seed,
+        queries=queries,
+        episodes=episodes,
+        odds=float(odds),
+        nodes=nodes,
+        spurious=spurious,
+        maintenance="own",
     )
     bins = np.linspace(0, 1, 6)
     cells = [
@@ -133,7 +166,7 @@ def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.
         )
         for low in bins[:-1]
     ]
-    return LifelongPoint(queries, trial, tuple(cells))
+    return replace(known, calibration=tuple(cells))
 
 
 def _a_query(number: int, rng: np.random.Generator) -> QueryResult:
@@ -156,7 +189,7 @@ def _a_query(number: int, rng: np.random.Generator) -> QueryResult:
     )
 
 
-def few_results() -> EvaluationResults:
+def few_results() -> tuple[Run, ...]:
     """Results of two methods in two scenes with two seeds, one without fine-tuning, and of two lifelong runs."""
     trials = [
         trial
@@ -165,12 +198,10 @@ def few_results() -> EvaluationResults:
         for trial in (make_trial(scene, seed=seed), make_trial(scene, "sptm", seed=seed, nodes=200))
     ]
     before = make_trial("tune-1", finetuned=False, without=("fine-tuning",))
-    return EvaluationResults(
-        (*trials, before), (make_lifelong_result(seed=0, points=3), make_lifelong_result(seed=1, points=3))
-    )
+    return (*runs_of(*trials, before), *(make_lifelong_result(seed=seed, points=3) for seed in (0, 1)))
 
 
-def many_results(episodes: int = 60) -> EvaluationResults:
+def many_results(episodes: int = 60) -> tuple[Run, ...]:
     """Results of four methods in two scenes with two seeds, before and after fine-tuning, and of a lifelong run."""
     kinds = [("ltvn", "robust"), ("ltvn", "paper"), ("sptm", "robust"), ("ving", "robust")]
     trials = [
@@ -180,12 +211,11 @@ def many_results(episodes: int = 60) -> EvaluationResults:
         for finetuned in (False, True)
         for seed in (0, 1)
     ]
-    return EvaluationResults(
-        tuple(trials), tuple(make_lifelong_result("tune-1", seed, points=5, episodes=episodes) for seed in (0, 1))
-    )
+    lifelong = (make_lifelong_result("tune-1", seed, points=5, episodes=episodes) for seed in (0, 1))
+    return (*runs_of(*trials), *lifelong)
 
 
-def make_world_result() -> WorldResult:
+def make_world_result(world: str = "doors", maintenance: str = "persistent") -> Run:
     """Two queries in a changing world, one of which reached its goal."""
     score = PresenceScore(4, 0.25, (*[PresenceBin(0, 0.0, 0.0)] * 9, PresenceBin(4, 1.0, 0.75)))
     queries = tuple(
@@ -215,20 +245,23 @@ def make_world_result() -> WorldResult:
         )
         for number in range(2)
     )
-    return WorldResult(
+    columns = RunColumns(
         scene="demo",
-        preset="robust",
-        without=(),
         seed=0,
-        world="doors",
+        method="ltvn",
+        preset="robust",
+        finetuned=True,
+        predictor="network",
+        maintenance=maintenance,
+        world=world,
         days=7.0,
-        maintenance="persistent",
-        nodes=40,
-        edges=100,
-        true_edges=99,
-        doors=(),
-        queries=queries,
-        wall_s=1.0,
+    )
+    before = TestedMap(
+        columns=columns,
+        images=100,
+        fingerprint="0123abcd",
+        map=MapTruthMetrics(nodes=40, edges=100, spurious_edges=1, pieces=1, goals_connected=10),
         version="0.1.0",
         command="ltvn lifelong --world doors",
     )
+    return Run(columns, (before,), queries)

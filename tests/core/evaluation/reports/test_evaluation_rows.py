@@ -21,19 +21,25 @@ from ltvn_core.evaluation.reports.result_rows import (
     rows_over_scenes,
     setup_of,
 )
-from ltvn_core.evaluation.results import EvaluationResults, TrialResult
-from tests.core.evaluation.reports.fake_results import few_results, make_lifelong_result, make_trial
+from ltvn_core.evaluation.results import Run, TestedMap
+from tests.core.evaluation.reports.fake_results import (
+    few_results,
+    make_lifelong_result,
+    make_trial,
+    runs_of,
+    with_columns,
+)
 
 
 @pytest.fixture(scope="module")
-def results() -> EvaluationResults:
+def results() -> tuple[Run, ...]:
     return few_results()
 
 
 def test_a_row_gathers_the_seeds_of_one_setup_and_fine_tuning_is_a_stage_of_the_same_method(
-    results: EvaluationResults,
+    results: tuple[Run, ...],
 ) -> None:
-    rows = rows_of(results.trials)
+    rows = rows_of(results)
     assert [(row.setup.scene, row.setup.method, row.setup.finetuned, row.seeds) for row in rows] == [
         ("tune-1", "LTVN robust", False, (0,)),
         ("tune-1", "LTVN robust", True, (0, 1)),
@@ -46,13 +52,13 @@ def test_a_row_gathers_the_seeds_of_one_setup_and_fine_tuning_is_a_stage_of_the_
     assert sum(map(rows[1].failed, FailureCause)) == pytest.approx(1 - np.mean(reached))
 
 
-def test_only_methods_of_all_scenes_have_a_mean_over_all_scenes(results: EvaluationResults) -> None:
-    whole = rows_over_scenes(rows_of(results.trials))
+def test_only_methods_of_all_scenes_have_a_mean_over_all_scenes(results: tuple[Run, ...]) -> None:
+    whole = rows_over_scenes(rows_of(results))
     assert [(row.setup.method, row.setup.finetuned, len(row.trials)) for row in whole] == [
         ("LTVN robust", True, 4),
         ("SPTM", True, 4),
     ]
-    assert main_table(rows_of(results.trials)).rows[0][0] == "all scenes"
+    assert main_table(rows_of(results)).rows[0][0] == "all scenes"
 
 
 def test_what_a_method_is_called_says_what_was_switched_off() -> None:
@@ -60,11 +66,11 @@ def test_what_a_method_is_called_says_what_was_switched_off() -> None:
         make_trial(),
         make_trial(preset="paper"),
         make_trial(without=("expansion", "fine-tuning"), finetuned=False),
-        replace(make_trial(), fingerprint="oracle"),
+        with_columns(make_trial(), predictor="oracle"),
         make_trial(method="sptm"),
         make_trial(method="ving", preset="paper"),
     ]
-    assert methods_of(rows_of(reversed(named))) == (
+    assert methods_of(rows_of(runs_of(*reversed(named)))) == (
         "LTVN robust",
         "LTVN paper",
         "LTVN robust with the oracle",
@@ -75,8 +81,8 @@ def test_what_a_method_is_called_says_what_was_switched_off() -> None:
     assert [setup_of(trial).ablated for trial in named] == [False, False, True, True, False, False]
 
 
-def test_the_margin_over_a_baseline_is_the_difference_of_their_successes(results: EvaluationResults) -> None:
-    rows = rows_of(results.trials)
+def test_the_margin_over_a_baseline_is_the_difference_of_their_successes(results: tuple[Run, ...]) -> None:
+    rows = rows_of(results)
     ours, theirs = rows_over_scenes(rows)
     (line,) = margin_table(rows).rows
     assert line[:2] == ("LTVN robust", "SPTM")
@@ -97,7 +103,7 @@ def test_a_stretch_is_the_mean_of_what_its_queries_did() -> None:
 def test_calibration_is_added_up_edge_by_edge() -> None:
     courses = group_lifelong([make_lifelong_result(seed=0), make_lifelong_result(seed=1)])
     cells = calibration_of(end_points(courses, last=True))
-    everything = [cell for run in courses[0].runs for cell in run.points[-1].calibration]
+    everything = [cell for run in courses[0].runs for cell in run.maps[-1].calibration]
     assert sum(cell.edges for cell in cells) == sum(cell.edges for cell in everything)
     drivable = sum(cell.edges * cell.drivable for cell in everything)
     assert sum(cell.edges * cell.drivable for cell in cells) == pytest.approx(drivable)
@@ -105,7 +111,7 @@ def test_calibration_is_added_up_edge_by_edge() -> None:
     assert np.isnan(calibration_error([]))
 
 
-def a_failure(trial: TrialResult, number: int, cause: FailureCause) -> FailureRow:
+def a_failure(trial: TestedMap, number: int, cause: FailureCause) -> FailureRow:
     return FailureRow(trial, replace(trial.episodes[0], query=number, reached=False, failure=cause))
 
 
@@ -125,12 +131,12 @@ def test_an_empty_table_says_so() -> None:
 
 def test_harder_conditions_stand_behind_the_scene_and_are_never_averaged_with_others() -> None:
     trials = [
-        replace(make_trial(scene, method, plan=False), conditions=conditions)
+        with_columns(make_trial(scene, method, plan=False), conditions=conditions)
         for scene in ("tune-1", "tune-2")
         for method in ("ltvn", "sptm")
         for conditions in ((), ("slip", "half-light"))
     ]
-    rows = rows_of(trials)
+    rows = rows_of(runs_of(*trials))
 
     assert [row.setup.scene for row in rows][::2] == [
         "tune-1",

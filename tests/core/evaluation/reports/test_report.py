@@ -1,5 +1,7 @@
 """`ltvn report` shows every number of the results, asks nothing of other machines, and takes nothing for markup."""
 
+import gzip
+import json
 import re
 from collections import Counter
 from dataclasses import replace
@@ -15,24 +17,18 @@ from ltvn_core.evaluation.reports.evaluation_files import find_results
 from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.evaluation.reports.figure_style import FigurePalette
-from ltvn_core.evaluation.results import (
-    EvaluationResults,
-    LifelongResult,
-    TrialResult,
-    drawing_path,
-    load_results,
-    pack,
-    save_drawing,
-    save_results,
-)
+from ltvn_core.evaluation.results import Run, append_rows, read_queries
 from ltvn_core.verbs.jobs.report import ReportSummary
 from ltvn_core.verbs.report import ReportVerb
 from tests.core.data.recording import example_recording
 from tests.core.evaluation.reports.fake_results import (
     few_results,
+    keep,
     make_lifelong_result,
     make_trial,
     make_world_result,
+    runs_of,
+    with_columns,
 )
 from tools.results_page import markdown_tables
 
@@ -76,19 +72,16 @@ class Reader(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def results() -> EvaluationResults:
+def results() -> tuple[Run, ...]:
     return few_results()
 
 
 @pytest.fixture(scope="module")
-def folder(results: EvaluationResults, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(results: tuple[Run, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results as `ltvn evaluate` and `ltvn lifelong` leave them, in folders of scene and seed."""
     runs = tmp_path_factory.mktemp("runs")
-    for trial in results.trials:
-        label = trial.method + ("" if trial.finetuned else "-no-fine-tuning")
-        keep(runs, trial, f"{label}-20.trial.json")
-    for run in results.lifelong:
-        keep(runs, run, "ltvn-200-every-100-20.lifelong.json")
+    for run in results:
+        keep(runs, run)
     return runs
 
 
@@ -101,13 +94,6 @@ def made(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ReportSummar
     made = ReportVerb(folder=folder, output=output).run()
     assert isinstance(made, ReportSummary)
     return made
-
-
-def keep(runs: Path, result: TrialResult | LifelongResult, name: str) -> Path:
-    place = runs / f"{result.scene}-{result.seed}"
-    place.mkdir(parents=True, exist_ok=True)
-    save_results(place / name, result)
-    return place / name
 
 
 def test_the_report_is_one_page_that_asks_nothing_of_other_machines(made: ReportSummary) -> None:
@@ -124,7 +110,7 @@ def test_the_report_is_one_page_that_asks_nothing_of_other_machines(made: Report
     assert {link[1:] for link in read.links if link.startswith("#")} <= read.ids.keys()
 
 
-def test_the_page_holds_every_number_of_its_tables(made: ReportSummary, results: EvaluationResults) -> None:
+def test_the_page_holds_every_number_of_its_tables(made: ReportSummary, results: tuple[Run, ...]) -> None:
     words = {word.strip() for word in Reader(made.output.read_text(encoding="utf-8")).words}
     lines = [line for table in markdown_tables(results).values() for line in table.splitlines()]
     shown = [line for line in lines if not line.startswith("| ---")]
@@ -134,12 +120,14 @@ def test_the_page_holds_every_number_of_its_tables(made: ReportSummary, results:
             assert cell.strip() in words
 
 
-def test_the_json_beside_the_page_is_all_that_was_found(made: ReportSummary, results: EvaluationResults) -> None:
-    again = load_results(made.results, EvaluationResults)
-    assert Counter(map(repr, again.trials)) == Counter(map(repr, results.trials))
-    assert again.lifelong == results.lifelong
-    assert made.trials == len(results.trials)
-    assert made.failed == sum(not episode.reached for trial in results.trials for episode in trial.episodes)
+def test_the_json_beside_the_page_is_all_that_was_found(made: ReportSummary, results: tuple[Run, ...]) -> None:
+    found = json.loads(made.results.read_text(encoding="utf-8"))
+    episodes = [episode for run in results for known in run.maps for episode in known.episodes]
+    assert len(found) == sum(len(run.maps) + len(run.queries) for run in results) + len(episodes)
+    assert all({"scene", "seed", "method", "preset"} <= line.keys() for line in found)
+    static = [episode for run in results if not run.queries for known in run.maps for episode in known.episodes]
+    assert (made.trials, made.lifelong, made.worlds) == (len(results) - 2, 2, 0)
+    assert (made.episodes, made.failed) == (len(static), sum(not episode.reached for episode in static))
 
 
 def test_nothing_is_left_of_an_older_report(made: ReportSummary) -> None:
@@ -149,10 +137,11 @@ def test_nothing_is_left_of_an_older_report(made: ReportSummary) -> None:
 
 def test_names_are_never_taken_for_markup(tmp_path: Path) -> None:
     name, command = "<b>|&amp;", "ltvn evaluate '<script>alert(1)</script>'"
-    trial = replace(make_trial("<b>", plan=True), scene=name, command=command)
+    trial = with_columns(replace(make_trial("<b>"), command=command), scene=name)
     run = make_lifelong_result(points=2)
-    points = tuple(replace(point, trial=replace(point.trial, scene=name)) for point in run.points)
-    found = EvaluationResults((trial,), (replace(run, scene=name, points=points),))
+    columns = replace(run.columns, scene=name)
+    maps = tuple(with_columns(known, scene=name) for known in run.maps)
+    found = (*runs_of(trial), replace(run, columns=columns, maps=maps))
     failures = [FailureRow(trial, episode, recording=tmp_path / "<i>.rrd") for episode in trial.episodes]
     read = Reader(render_page(found, failures, INK, folder=tmp_path))
     assert read.open == []
@@ -168,12 +157,9 @@ def test_worlds_that_change_and_people_have_tables_on_the_page(tmp_path: Path) -
     met = EncounterCounts(
         encounters=3, touched=1, avoidable=0, gave_way=2, closest_m=0.0, closest_each_m=(0.0, 0.3, 0.6), stood_s=6.0
     )
-    made = make_world_result()
-    save_results(
-        tmp_path / "people.world.json",
-        replace(made, world="people", queries=(replace(made.queries[0], people=met), *made.queries[1:])),
-    )
-    save_results(tmp_path / "static.world.json", made)
+    made = make_world_result("people")
+    keep(tmp_path, replace(made, queries=(replace(made.queries[0], people=met), *made.queries[1:])))
+    keep(tmp_path, make_world_result())
     summary = ReportVerb(folder=tmp_path, output=tmp_path / "report.html").run()
     assert isinstance(summary, ReportSummary)
     assert (summary.worlds, summary.trials) == (2, 0)
@@ -191,79 +177,71 @@ def test_a_folder_without_results_is_a_clear_error(tmp_path: Path) -> None:
         ReportVerb(folder=tmp_path, output=tmp_path / "report.pdf").run()
 
 
-@pytest.mark.parametrize("name", ["broken.trial.json", "broken.lifelong.json"])
-@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "\xff", "[" * 9000 + "]" * 9000])
-def test_a_broken_file_is_named(tmp_path: Path, name: str, text: str) -> None:
-    (tmp_path / name).write_text(text, encoding="latin-1")
-    with pytest.raises(OptionError, match=name):
+@pytest.mark.parametrize("text", ["{}", "[1, 2]", "3", '{"scene": 3}'])
+def test_a_line_that_is_no_result_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "broken.jsonl").write_text(text, encoding="utf-8")
+    with pytest.raises(OptionError, match=r"broken\.jsonl"):
         ReportVerb(folder=tmp_path, output=tmp_path / "report.html").run()
     assert not (tmp_path / "report.html").exists()
 
 
-def test_results_without_episodes_or_with_unknown_nodes_are_named(tmp_path: Path) -> None:
-    empty = keep(tmp_path, replace(make_trial(), episodes=()), "ltvn-0.trial.json")
-    with pytest.raises(OptionError, match="no episode"):
-        ReportVerb(folder=tmp_path).run()
-    empty.unlink()
-    trial = make_trial()
-    assert trial.floorplan is not None
-    keep(tmp_path, replace(trial, floorplan=replace(trial.floorplan, nodes=())), "ltvn-20.trial.json")
-    with pytest.raises(OptionError, match="does not know"):
-        ReportVerb(folder=tmp_path).run()
+@pytest.mark.parametrize("name", ["ltvn-25.trial.json", "ltvn-7-every-1-25.lifelong.json", "truth.world.json.gz"])
+def test_results_of_version_0_1_are_refused(tmp_path: Path, name: str) -> None:
+    keep(tmp_path, *runs_of(make_trial()))
+    (tmp_path / "demo-0").mkdir()
+    (tmp_path / "demo-0" / name).write_text("{}", encoding="utf-8")
+    with pytest.raises(OptionError, match=f"{name}.*--folder"):
+        find_results(tmp_path)
 
 
-def test_a_drawing_beside_the_result_is_shown_like_one_inside_it(tmp_path: Path) -> None:
-    trial = make_trial()
-    assert trial.floorplan is not None
-    path = keep(tmp_path, replace(trial, floorplan=None), "ltvn-20.trial.json")
-    assert find_results(tmp_path).drawn.trials[0].floorplan is None
-    save_drawing(drawing_path(path.parent, "ltvn", 0), trial.floorplan)
-
-    found = find_results(tmp_path)
-
-    assert found.results.trials[0].floorplan is None
-    assert "floors" in {figure.kind for figure in figures_of(found.drawn, INK)}
+def test_the_drawing_beside_the_lines_is_shown(tmp_path: Path) -> None:
+    keep(tmp_path, *runs_of(make_trial()))
+    assert "floors" in {figure.kind for figure in figures_of(find_results(tmp_path), INK)}
 
 
 def test_results_that_are_kept_gzipped_are_read_like_plain_ones(tmp_path: Path) -> None:
-    plain, packed = tmp_path / "plain", tmp_path / "packed"
-    for runs in (plain, packed):
-        keep(runs, make_trial(), "ltvn-20.trial.json")
-        keep(runs, make_lifelong_result(points=2), "ltvn-200-every-100-20.lifelong.json")
-    files = sorted(packed.rglob("*.json"))
-    bytes_of_both = [pack(file).read_bytes() for file in files]
-
-    assert not any(file.exists() for file in files)
-    assert find_results(packed).results == find_results(plain).results
-    assert load_results(next(file for file in files if "trial" in file.name), TrialResult) == make_trial()
-    assert bytes_of_both == [pack(file).read_bytes() for file in sorted(plain.rglob("*.json"))]
-
-
-def test_a_plain_result_goes_before_its_gzipped_twin(tmp_path: Path) -> None:
-    path = keep(tmp_path, make_trial(), "ltvn-20.trial.json")
-    pack(path)
-    keep(tmp_path, make_trial(method="sptm"), path.name)
-    assert [trial.method for trial in find_results(tmp_path).results.trials] == ["sptm"]
+    for run in (*runs_of(make_trial()), make_lifelong_result(points=2)):
+        keep(tmp_path, run)
+    plain = find_results(tmp_path)
+    for path in tmp_path.rglob("*.jsonl"):
+        path.with_name("rows.jsonl.gz").write_bytes(gzip.compress(path.read_bytes()))
+        path.unlink()
+    assert find_results(tmp_path) == plain
 
 
 def test_what_is_no_gzip_file_is_named(tmp_path: Path) -> None:
-    packed = pack(keep(tmp_path, make_trial(), "ltvn-20.trial.json"))
-    for damaged in (b"plain text", packed.read_bytes()[:100], b"\x1f\x8b"):
-        packed.write_bytes(damaged)
-        with pytest.raises(OptionError, match=re.escape(packed.name)):
+    whole = gzip.compress(b"{}" * 1000)
+    for damaged in (b"plain text", whole[:20], b"\x1f\x8b"):
+        (tmp_path / "rows.jsonl.gz").write_bytes(damaged)
+        with pytest.raises(OptionError, match=r"rows\.jsonl\.gz"):
             find_results(tmp_path)
 
 
-def test_a_longer_result_stands_for_a_shorter_one_but_two_of_one_trial_are_an_error(tmp_path: Path) -> None:
-    runs, output = tmp_path / "runs", tmp_path / "report.html"
-    for episodes in (30, 5, 10):
-        keep(runs, make_trial(episodes=episodes), f"ltvn-{episodes}.trial.json")
-    made = ReportVerb(folder=runs, output=output).run()
-    assert isinstance(made, ReportSummary)
-    assert (made.trials, made.episodes) == (1, 30)
-    keep(runs / "again", make_trial(), "ltvn-20.trial.json")
-    with pytest.raises(OptionError, match=r"again.*same trial|same trial"):
-        ReportVerb(folder=runs, output=output).run()
+def test_two_folders_with_results_of_one_run_are_an_error(tmp_path: Path) -> None:
+    for label in ("ltvn", "again"):
+        keep(tmp_path, *runs_of(make_trial()), label)
+    with pytest.raises(OptionError, match=r"again.*same run"):
+        find_results(tmp_path)
+
+
+def test_lines_of_a_run_are_added_up_however_many_files_they_are_in(tmp_path: Path) -> None:
+    path = keep(tmp_path, *runs_of(make_trial(plan=False)))
+    (run,) = find_results(tmp_path)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(lines[:7]), encoding="utf-8")
+    path.with_name("more.jsonl").write_text("\n".join(lines[6:]), encoding="utf-8")
+    assert find_results(tmp_path) == (run,)
+
+
+def test_any_cut_costs_the_incomplete_line_alone(tmp_path: Path) -> None:
+    path = keep(tmp_path, *runs_of(trial := make_trial(plan=False)))
+    whole = path.read_bytes()
+    for size in range(0, len(whole), 997):
+        path.write_bytes(whole[:size])
+        kept = read_queries(path)
+        assert kept == list(trial.episodes[: len(kept)])
+        append_rows(path, trial.columns, trial.episodes[-1:])
+        assert read_queries(path) == [*kept, trial.episodes[-1]]
 
 
 def test_an_image_is_carried_in_its_address_and_anything_else_refused() -> None:
@@ -288,10 +266,9 @@ def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tm
         position_error_m=1.5,
         yaw_error_rad=0.1,
     )
-    file = keep(tmp_path / "runs", replace(make_trial(), episodes=(episode,)), "ltvn-1.trial.json")
-    example_recording.write(file.parent / "drive.rrd")
-    (file.parent / "ltvn").mkdir()
-    recording = file.parent / "ltvn" / "failure-0007.rrd"
+    file = keep(tmp_path / "runs", *runs_of(replace(make_trial(), episodes=(replace(episode, after=0),))))
+    example_recording.write(file.parent.parent / "drive.rrd")
+    recording = file.parent / "failure-0007.rrd"
     example_recording.write(recording)
     ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
     read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
@@ -312,11 +289,10 @@ def test_an_episode_that_was_not_recorded_shows_the_command_that_does() -> None:
 
 def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> None:
     trial = make_trial(plan=False)
-    there = keep(tmp_path / "runs", trial, "ltvn-20.trial.json").parent
-    (there / "drive.rrd").write_bytes(b"no recording")
-    (there / "ltvn").mkdir()
+    there = keep(tmp_path / "runs", *runs_of(trial)).parent
+    (there.parent / "drive.rrd").write_bytes(b"no recording")
     for episode in trial.episodes:
-        (there / "ltvn" / f"failure-{episode.query:04d}.rrd").write_bytes(b"no recording")
+        (there / f"failure-{episode.query:04d}.rrd").write_bytes(b"no recording")
     ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
     read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert [word for word in read.words if word.startswith("ltvn replay")]

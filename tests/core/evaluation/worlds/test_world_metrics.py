@@ -1,10 +1,13 @@
 """The metrics of made-up results in a changing world."""
 
+from dataclasses import replace
+
 import pytest
 
 from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
-from ltvn_core.evaluation.results import DoorMove, WorldResult
+from ltvn_core.evaluation.results import DoorMove, MapTruthMetrics, Run
 from ltvn_core.evaluation.worlds.world_metrics import reopening_waits, world_metrics
+from tests.core.evaluation.reports.fake_results import make_world_result
 
 EMPTY = PresenceBin(0, 0.0, 0.0)
 
@@ -51,24 +54,11 @@ def query(
     )
 
 
-def result(queries: list[QueryResult], seed: int = 0) -> WorldResult:
-    return WorldResult(
-        scene="demo",
-        preset="robust",
-        without=(),
-        seed=seed,
-        world="doors",
-        days=1.0,
-        maintenance="persistent",
-        nodes=40,
-        edges=100,
-        true_edges=90,
-        doors=(),
-        queries=tuple(queries),
-        wall_s=1.0,
-        version="1",
-        command="ltvn lifelong",
-    )
+def result(queries: list[QueryResult], seed: int = 0) -> Run:
+    made = make_world_result()
+    columns = replace(made.columns, seed=seed)
+    counts = MapTruthMetrics(nodes=40, edges=100, spurious_edges=10, pieces=1, goals_connected=3)
+    return Run(columns, (replace(made.maps[0], columns=columns, map=counts),), tuple(queries))
 
 
 def moves(*times: float, door: int = 3) -> list[DoorMove]:

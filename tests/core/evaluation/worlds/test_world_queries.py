@@ -1,8 +1,8 @@
 """Queries in a house of two rooms, between which a box stands for a while; an oracle drives."""
 
 import json
+import shutil
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,14 +11,12 @@ pytest.importorskip("embreex")
 
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_result import QueryBatch
-from ltvn_core.evaluation.results import WorldResult, load_results
-from ltvn_core.evaluation.segments import run_query_batch
-from ltvn_core.evaluation.trial_plans import TrialFiles
-from ltvn_core.evaluation.worlds.world_evaluation import WorldDrive
-from ltvn_core.evaluation.worlds.world_plans import Schedule, WorldFiles, WorldPlan
+from ltvn_core.evaluation.plans import RunFiles, RunPlan, Schedule
+from ltvn_core.evaluation.results import load_results, read_queries
+from ltvn_core.evaluation.runner import run_query_batch
+from ltvn_core.evaluation.worlds.world_schedule import WorldSchedule
 from ltvn_core.simulation.changes.world_script import MORNING_S
-from ltvn_core.verbs.jobs.evaluate import trial_plans
+from ltvn_core.verbs.jobs.evaluate import run_plans_of
 from ltvn_core.verbs.jobs.lifelong import WorldSummary
 from ltvn_core.verbs.lifelong import LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
@@ -75,11 +73,12 @@ def summary(house: Path) -> WorldSummary:
     return found
 
 
-def files(house: Path, maintenance: str) -> tuple[WorldPlan, WorldFiles]:
+def files(house: Path, maintenance: str) -> tuple[RunPlan, RunFiles]:
     options = verb(house)
-    trial = trial_plans(options, "ltvn", options.episodes)[0]
-    plan = WorldPlan(trial=trial, world=str(options.world), maintenance=maintenance, queries=4, days=DAYS)
-    return plan, WorldFiles.of(plan, TrialFiles.of(trial, options.folder))
+    schedule = Schedule(queries=4, world=str(options.world), days=DAYS)
+    (plan,) = run_plans_of(options, "ltvn", options.episodes)
+    plan = replace(plan, maintenance=maintenance, schedule=schedule)
+    return plan, RunFiles.of(plan, options.folder)
 
 
 def test_the_summary_has_what_the_design_promises_for_each_maintenance(summary: WorldSummary) -> None:
@@ -93,7 +92,7 @@ def test_the_summary_has_what_the_design_promises_for_each_maintenance(summary: 
 
 def test_each_goal_can_be_reached_when_its_query_begins(house: Path, summary: WorldSummary) -> None:
     _, where = files(house, "static")
-    schedule = load_results(where.schedule, Schedule)
+    schedule = load_results(where.world_queries, WorldSchedule)
     begins = [query.at_s for query in schedule.queries]
     assert begins == sorted(begins)
     closed = [query for query in schedule.queries if query.closed]
@@ -107,8 +106,11 @@ def test_each_goal_can_be_reached_when_its_query_begins(house: Path, summary: Wo
 
 def test_every_maintenance_gets_the_same_queries(house: Path, summary: WorldSummary) -> None:
     asked = [
-        [(query.at_s, query.start, query.goal, query.shortest_m) for query in found.queries]
-        for found in (load_results(files(house, name)[1].result, WorldResult) for name in MAINTENANCES)
+        [
+            (query.at_s, query.start, query.goal, query.shortest_m)
+            for query in read_queries(files(house, name)[1].query_batch(0, 4))
+        ]
+        for name in MAINTENANCES
     ]
     assert asked[0] == asked[1]
     assert summary.by_maintenance["static"].success_rate == summary.by_maintenance["persistent"].success_rate == 1.0
@@ -116,13 +118,13 @@ def test_every_maintenance_gets_the_same_queries(house: Path, summary: WorldSumm
 
 def test_queries_in_two_batches_come_to_the_same_as_in_one(house: Path, summary: WorldSummary, tmp_path: Path) -> None:
     plan, where = files(house, "persistent")
-    again = replace(where, maintenance="again")
+    again = replace(where, label="again")
+    again.run.mkdir()
+    shutil.copyfile(where.map(), again.map())
     for first in (0, 2):
-        run_query_batch(partial(WorldDrive, plan, again), again, first, first + 2)
-    in_two = [
-        query for ends in ((0, 2), (2, 4)) for query in load_results(again.query_batch(*ends), QueryBatch).queries
-    ]
-    assert in_two == list(load_results(where.query_batch(0, 4), QueryBatch).queries)
+        run_query_batch(plan, again, first, first + 2)
+    in_two = [query for ends in ((0, 2), (2, 4)) for query in read_queries(again.query_batch(*ends))]
+    assert in_two == read_queries(where.query_batch(0, 4))
     assert load_map(again.map(4)).graph == load_map(where.map(4)).graph
 
 

@@ -10,7 +10,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import numpy as np
 
 from ltvn_core.errors import LtvnError, MapError
-from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
+from ltvn_core.evaluation.map_drawing import MapDrawing
+from ltvn_core.evaluation.results import EdgeCalibrationBin, MapTruthMetrics
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph

@@ -25,7 +25,7 @@ from ltvn_core.evaluation.protocol import (
     episode_conditions,
     told_conditions,
 )
-from ltvn_core.evaluation.results import OWN_MAINTENANCE, RunColumns, drawing_path, failure_path
+from ltvn_core.evaluation.results import OWN_MAINTENANCE, ROWS, RunColumns, drawing_path, failure_path
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.opening import NETWORK, open_method
 from ltvn_core.simulation.body_selection import choose_body
@@ -421,11 +421,11 @@ def plan_settings(plan: RunPlan) -> dict[str, Any]:
 
 
 def refuse_older_results(folder: Path, names: Iterable[str]) -> None:
-    """Raise OptionError if a folder has files of version 0.1, which kept results of three kinds."""
+    """Raise OptionError if a folder has files of older versions, which kept results as JSON objects of three kinds."""
     if older := next((path for name in names for path in sorted(folder.glob(name))), None):
         raise OptionError(
-            f"{older} was made by version 0.1 of ltvn, which this version cannot read; evaluate again with another "
-            '--folder, or use pip install "ltvn==0.1.0" for this one.'
+            f"{older} was made by an older version of ltvn, and results are read from {ROWS} now; evaluate again with "
+            "another --folder, or move this one away."
         )
 
 

@@ -127,7 +127,8 @@ def run_plans(
     share = share_of(plans, part)
     _prepare_all(list(share), folder, parallel, progress)
     jobs = [_Job(plan, RunFiles.of(plan, folder), tuple(batches), command) for plan, batches in share.items()]
-    with told_repeatedly(lambda: progress.unfinished(sum(job.unfinished() for job in jobs))):
+    rows = _UnfinishedRows(jobs)
+    with told_repeatedly(lambda: progress.unfinished(rows.count())):
         for after in sorted({after for job in jobs for after in job.beginnings}):
             # Stretches come first, because they take long and cannot run in parallel.
             kinds = _Job.stretches, _Job.maps, _Job.episodes
@@ -207,16 +208,29 @@ class _Job:
             for first, until in self.batches:
                 yield delayed(run_episodes)(self.plan, self.files, after, first, drawn[first:until])
 
-    def unfinished(self) -> int:
-        """Return the number of finished queries and episodes in unfinished calls."""
-        files = self.files
-        sizes = {files.episodes(at, first): until - first for at in self.beginnings for first, until in self.batches}
-        lines = ((path.read_bytes().count(b"\n"), size) for path, size in sizes.items() if path.exists())
-        done = sum(count for count, size in lines if count < size)
-        for stretch in self.plan.schedule.stretches:
-            batches = [self.files.query_batch(*batch).exists() for batch in batch_ranges(*stretch)]
-            done += 0 if all(batches) else BATCH_SIZE * sum(batches)
-        return done
+    def files_of_rows(self) -> Iterator[tuple[tuple[Path, ...], int]]:
+        """Yield the files of lines that each call writes, and its number of queries or episodes."""
+        for after in self.plan.schedule.tests:
+            yield from (((self.files.episodes(after, first),), until - first) for first, until in self.batches)
+        for first, until in self.plan.schedule.stretches:
+            yield tuple(self.files.query_batch(*batch) for batch in batch_ranges(first, until)), until - first
+
+
+class _UnfinishedRows:
+    """Counts the lines of calls that are not finished."""
+
+    def __init__(self, jobs: Sequence[_Job]) -> None:
+        self._calls = dict(call for job in jobs for call in job.files_of_rows())
+
+    def count(self) -> int:
+        """Return the number of lines; the files of a finished call are not read again."""
+        found = {paths: sum(_lines(path) for path in paths) for paths in self._calls}
+        self._calls = {paths: size for paths, size in self._calls.items() if found[paths] < size}
+        return sum(found[paths] for paths in self._calls)
+
+
+def _lines(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
 def describe_map(plan: RunPlan, files: RunFiles, after: int, command: str) -> int:

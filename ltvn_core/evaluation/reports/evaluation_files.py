@@ -64,8 +64,7 @@ def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
 def find_results(folder: Path) -> tuple[Run, ...]:
     """Read all results below a folder, with the drawings of their maps.
 
-    Raises OptionError for an empty folder, a damaged file, results of version 0.1, or two folders with results of one
-    run.
+    Raises OptionError for an empty folder, a damaged file, results of older versions, or two folders with one run.
     """
     if not folder.is_dir():
         raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core import palette
+from ltvn_core.evaluation.map_drawing import MapDrawing
 from ltvn_core.evaluation.reports.map_svg import MapLayout, bar_length_m
-from ltvn_core.evaluation.results import MapDrawing
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 

@@ -20,7 +20,7 @@ from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError, SceneError
 from ltvn_core.evaluation.ground_truth import GroundTruth, floorplan
-from ltvn_core.evaluation.results import MapDrawing
+from ltvn_core.evaluation.map_drawing import MapDrawing
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged

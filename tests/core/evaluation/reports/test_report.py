@@ -186,7 +186,7 @@ def test_a_line_that_is_no_result_is_named(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ltvn-25.trial.json", "ltvn-7-every-1-25.lifelong.json", "truth.world.json.gz"])
-def test_results_of_version_0_1_are_refused(tmp_path: Path, name: str) -> None:
+def test_results_of_older_versions_are_refused(tmp_path: Path, name: str) -> None:
     keep(tmp_path, *runs_of(make_trial()))
     (tmp_path / "demo-0").mkdir()
     (tmp_path / "demo-0" / name).write_text("{}", encoding="utf-8")

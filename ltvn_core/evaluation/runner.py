@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
@@ -131,8 +132,9 @@ def run_plans(
     with told_repeatedly(lambda: progress.unfinished(rows.count())):
         for after in sorted({after for job in jobs for after in job.beginnings}):
             # Stretches come first, because they take long and cannot run in parallel.
-            kinds = _Job.stretches, _Job.maps, _Job.episodes
-            for done in parallel(work for kind in kinds for job in jobs for work in kind(job, after)):
+            learning = (work for job in jobs for work in job.stretches(after))
+            testing = (work for job in jobs for work in (*job.maps(after), *job.episodes(after)))
+            for done in parallel(chain(learning, testing)):
                 progress.work_done(done)
     return [run for plan in plans if (run := finished_run(plan, folder)) is not None]
 

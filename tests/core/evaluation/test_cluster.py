@@ -118,6 +118,7 @@ def test_a_dask_cluster_comes_to_the_same_numbers_though_a_worker_dies(
         assert killed
 
 
+@pytest.mark.slow
 def test_two_processes_killed_in_the_middle_go_on_to_the_same_rows(house: Path, tmp_path: Path) -> None:
     def evaluation(folder: Path, processes: int) -> tuple[str, ...]:
         size = "--loops 1 --goals 4 --episodes 30 --step-limit 60 --predictor oracle --body planar"

@@ -19,6 +19,7 @@ from tests.core.evaluation.reports.fake_results import (
     make_lifelong_result,
     make_trial,
     make_world_result,
+    run_of,
     runs_of,
 )
 from tests.repository import ROOT
@@ -49,7 +50,7 @@ def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) ->
 
 
 def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> None:
-    keep(tmp_path, *runs_of(make_trial(plan=False)))
+    keep(tmp_path, run_of(make_trial(plan=False)))
     page_file = tmp_path / "results.md"
     page_file.write_text(
         "".join(

@@ -9,7 +9,7 @@ import pytest
 from ltvn_core.cli import main
 from tests.core.data.importing.drives import write_tum_folder
 from tests.core.data.recording import example_recording
-from tests.core.evaluation.reports.fake_results import keep, make_trial, runs_of
+from tests.core.evaluation.reports.fake_results import keep, make_trial, run_of
 from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP
 
@@ -45,7 +45,7 @@ def test_an_exported_map_is_for_its_owner(tmp_path: Path, options: list[str], mo
 
 
 def test_a_report_and_a_summary_are_for_their_owner(tmp_path: Path) -> None:
-    keep(tmp_path / "results", *runs_of(make_trial()))
+    keep(tmp_path / "results", run_of(make_trial()))
     report, summary = tmp_path / "new/report.html", tmp_path / "summary.json"
     assert main(["report", str(tmp_path / "results"), "--output", str(report), "--json", str(summary)]) == 0
     check_private(tmp_path / "new")

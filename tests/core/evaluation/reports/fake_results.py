@@ -116,6 +116,11 @@ def with_columns(known: TestedMap, **changed: Any) -> TestedMap:
     return replace(known, columns=replace(known.columns, **changed))
 
 
+def run_of(known: TestedMap) -> Run:
+    """Return a static test of a map."""
+    return Run(known.columns, (known,))
+
+
 def runs_of(*maps: TestedMap) -> tuple[Run, ...]:
     """Return a static test of each map."""
     return tuple(Run(known.columns, (known,)) for known in maps)

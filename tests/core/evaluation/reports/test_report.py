@@ -27,6 +27,7 @@ from tests.core.evaluation.reports.fake_results import (
     make_lifelong_result,
     make_trial,
     make_world_result,
+    run_of,
     runs_of,
     with_columns,
 )
@@ -187,7 +188,7 @@ def test_a_line_that_is_no_result_is_named(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize("name", ["ltvn-25.trial.json", "ltvn-7-every-1-25.lifelong.json", "truth.world.json.gz"])
 def test_results_of_older_versions_are_refused(tmp_path: Path, name: str) -> None:
-    keep(tmp_path, *runs_of(make_trial()))
+    keep(tmp_path, run_of(make_trial()))
     (tmp_path / "demo-0").mkdir()
     (tmp_path / "demo-0" / name).write_text("{}", encoding="utf-8")
     with pytest.raises(OptionError, match=f"{name}.*--folder"):
@@ -195,7 +196,7 @@ def test_results_of_older_versions_are_refused(tmp_path: Path, name: str) -> Non
 
 
 def test_the_drawing_beside_the_lines_is_shown(tmp_path: Path) -> None:
-    keep(tmp_path, *runs_of(make_trial()))
+    keep(tmp_path, run_of(make_trial()))
     assert "floors" in {figure.kind for figure in figures_of(find_results(tmp_path), INK)}
 
 
@@ -219,13 +220,13 @@ def test_what_is_no_gzip_file_is_named(tmp_path: Path) -> None:
 
 def test_two_folders_with_results_of_one_run_are_an_error(tmp_path: Path) -> None:
     for label in ("ltvn", "again"):
-        keep(tmp_path, *runs_of(make_trial()), label)
+        keep(tmp_path, run_of(make_trial()), label)
     with pytest.raises(OptionError, match=r"again.*same run"):
         find_results(tmp_path)
 
 
 def test_lines_of_a_run_are_added_up_however_many_files_they_are_in(tmp_path: Path) -> None:
-    path = keep(tmp_path, *runs_of(make_trial(plan=False)))
+    path = keep(tmp_path, run_of(make_trial(plan=False)))
     (run,) = find_results(tmp_path)
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join(lines[:7]), encoding="utf-8")
@@ -234,7 +235,7 @@ def test_lines_of_a_run_are_added_up_however_many_files_they_are_in(tmp_path: Pa
 
 
 def test_any_cut_costs_the_incomplete_line_alone(tmp_path: Path) -> None:
-    path = keep(tmp_path, *runs_of(trial := make_trial(plan=False)))
+    path = keep(tmp_path, run_of(trial := make_trial(plan=False)))
     whole = path.read_bytes()
     for size in range(0, len(whole), 997):
         path.write_bytes(whole[:size])
@@ -266,7 +267,7 @@ def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tm
         position_error_m=1.5,
         yaw_error_rad=0.1,
     )
-    file = keep(tmp_path / "runs", *runs_of(replace(make_trial(), episodes=(replace(episode, after=0),))))
+    file = keep(tmp_path / "runs", run_of(replace(make_trial(), episodes=(replace(episode, after=0),))))
     example_recording.write(file.parent.parent / "drive.rrd")
     recording = file.parent / "failure-0007.rrd"
     example_recording.write(recording)
@@ -289,7 +290,7 @@ def test_an_episode_that_was_not_recorded_shows_the_command_that_does() -> None:
 
 def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> None:
     trial = make_trial(plan=False)
-    there = keep(tmp_path / "runs", *runs_of(trial)).parent
+    there = keep(tmp_path / "runs", run_of(trial)).parent
     (there.parent / "drive.rrd").write_bytes(b"no recording")
     for episode in trial.episodes:
         (there / f"failure-{episode.query:04d}.rrd").write_bytes(b"no recording")

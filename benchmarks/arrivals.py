@@ -95,10 +95,10 @@ class ArrivalsVerb(Verb):
     def _results(self, scene: str) -> "list[QueryResult]":
         from tqdm import tqdm
 
+        from ltvn_core.evaluation.episode_runner import episode_rng, open_runner
         from ltvn_core.evaluation.plans import RunFiles
         from ltvn_core.evaluation.preparation import prepare
         from ltvn_core.evaluation.query_result import append_to_log, read_query_log
-        from ltvn_core.evaluation.runner import episode_rng, open_runner
 
         plan = self._plan(scene)
         files = RunFiles.of(plan, self.folder)

@@ -103,7 +103,7 @@ class RulesVerb(Verb):
 
     def run(self) -> Summary:
         """Run what is missing, scene after scene, and sum up."""
-        from ltvn_core.evaluation.plans import RULES
+        from ltvn_core.evaluation.method_parts import RULES
         from tools.results_page import fill_blocks
 
         started = time.monotonic()

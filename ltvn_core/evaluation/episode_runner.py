@@ -7,6 +7,7 @@ repeated for its recording.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,22 @@ from numpy.typing import NDArray
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.perturbations import PerturbedRobot
-from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
+from ltvn_core.evaluation.plans import RunFiles, RunPlan, open_planned_system, planned_weights
+from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol, light_under
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.geometry import lengths_along, points_along
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, Outcome
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose
@@ -230,3 +234,29 @@ class EpisodeRunner:
 
     def _shortest(self, plan: EpisodePlan) -> float:
         return shortest_m(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
+
+
+def episode_rng(seed: int, episode: int) -> np.random.Generator:
+    """Return the random generator of one episode."""
+    return np.random.default_rng([seed, 3, episode])
+
+
+def open_runner(plan: RunPlan, files: RunFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
+    """Load the map after a number of queries, with its scene and network."""
+    scene = load_scene(plan.scene)
+    weights = planned_weights(plan, files)
+    predictor = open_predictor(plan.predictor, plan.scene, weights)
+    system = open_planned_system(plan, predictor, scene, maintain=maintain)
+    return EpisodeRunner(
+        scene,
+        TopologicalMap.load(files.map(queries), predictor, system=system),
+        plan.protocol,
+        perturbations=plan.perturbations,
+        light=light_under(plan.conditions),
+    )
+
+
+@lru_cache(maxsize=1)
+def cached_runner(plan: RunPlan, files: RunFiles, queries: int) -> EpisodeRunner:
+    """Return the runner of a frozen map, cached between batches; its map must not be changed."""
+    return open_runner(plan, files, queries)

@@ -11,13 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal, ImagedScene
-from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.episode_runner import EpisodeRunner, open_runner
 from ltvn_core.evaluation.plans import RunFiles, RunPlan
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached
-from ltvn_core.evaluation.runner import open_runner
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import EdgeKey

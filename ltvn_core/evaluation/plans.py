@@ -1,24 +1,23 @@
-"""Plans of evaluations, the paths of their files, and methods without single parts.
+"""Plans of evaluations, and the paths of their files.
 
 A plan is one method in one scene with one map seed and one schedule: static episodes alone, queries with maintenance
 and episodes in between, or queries in a changing world. Guarantees that results of different plans are never mixed.
-Runs nothing. Parts of the method are switched off by
-thresholds; fine-tuning is a setting of the plan, because it is a property of the weights.
+Runs nothing.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from ltvn_core.atomic_files import write_text_atomically
-from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.method_parts import FINE_TUNING, method_parts, without_parts
 from ltvn_core.evaluation.protocol import (
     EvaluationProtocol,
     drive_conditions,
@@ -40,76 +39,6 @@ from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_ent
 from ltvn_core.systems.registry import open_system as open_named_system
 from ltvn_core.types import Predictor
 
-
-def without_parts(method: Method, parts: Collection[str]) -> Method:
-    """Return the method without these parts; raise OptionError, listing the valid ones, for an unknown part."""
-    for part in sorted(parts):
-        change = PARTS.get(part) or RULES.get(part)
-        if change is None:
-            raise OptionError(
-                f"The method has no part {part!r} to leave out; choose from: {', '.join(PARTS)}; or one rule: "
-                f"{', '.join(RULES)}."
-            )
-        method = change(method)
-    return method
-
-
-def _without_merging(method: Method) -> Method:
-    """Make every image that can be connected a node: D_m = 0."""
-    return replace(method, building=replace(method.building, merge_distance=0.0))
-
-
-def _without_pruning(method: Method) -> Method:
-    """Prune no edge, even with a low p: R_p = 0."""
-    return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
-
-
-def _without_expansion(method: Method) -> Method:
-    """Add no nodes during navigation."""
-    return replace(method, expanding=replace(method.expanding, novel_after_looks=0, search_reserve=False))
-
-
-def _as_in_paper(group: str, names: Collection[str]) -> Callable[[Method], Method]:
-    """Return a function that sets some thresholds of a group to the paper's."""
-    paper = {name: getattr(getattr(PAPER, group), name) for name in names}
-
-    def plain(method: Method) -> Method:
-        return replace(method, **{group: replace(getattr(method, group), **paper)})
-
-    return plain
-
-
-_KEPT_FIELDS = frozenset(
-    {"step_limit", "collision_limit", "p_success_if_reachable", "p_success_if_not", "sigma2", "search_reserve"}
-)
-
-
-def _thresholds(group: str) -> list[str]:
-    """Return the names of a group's thresholds, without limits and measured constants."""
-    return [each.name for each in fields(getattr(ROBUST, group)) if each.name not in _KEPT_FIELDS]
-
-
-def _departures(group: str) -> list[str]:
-    """Return the names of a group's thresholds whose value differs from the paper's."""
-    ours, paper = getattr(ROBUST, group), getattr(PAPER, group)
-    return [name for name in _thresholds(group) if getattr(ours, name) != getattr(paper, name)]
-
-
-_GROUPS = tuple(field.name for field in fields(Method) if field.name != "maintain")
-
-PARTS: dict[str, Callable[[Method], Method]] = {
-    "merging": _without_merging,
-    "pruning": _without_pruning,
-    "expansion": _without_expansion,
-    **{f"our-{group}": _as_in_paper(group, _thresholds(group)) for group in _GROUPS},
-}
-"""Parts that can be switched off, by their names on the command line. `our-driving` stands for all our changes to the
-paper's driving."""
-RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
-"""Each of our changes to the paper by itself, such as "driving.swerve"; the command line also accepts these names."""
-
-
-_FINE_TUNING = "fine-tuning"
 _LONGEST_LABEL = 120
 """Maximum number of characters of a label; file systems allow 255 for a name including its endings."""
 
@@ -174,7 +103,7 @@ class RunPlan:
     preset: str = "robust"
     """Preset of the navigator, which is the same for all systems."""
     parts_off: tuple[str, ...] = ()
-    """Parts of the method that are switched off, see `method_parts`."""
+    """Parts of the method that are switched off, see `evaluation.method_parts`."""
     predictor: str = NETWORK
     """Name of the predictor."""
     perturbations: tuple[str, ...] = ()
@@ -201,7 +130,7 @@ class RunPlan:
     @property
     def finetuned(self) -> bool:
         """Whether the network is fine-tuned on the drive."""
-        return bool(self.finetune_steps) and self.predictor == NETWORK and _FINE_TUNING not in self.parts_off
+        return bool(self.finetune_steps) and self.predictor == NETWORK and FINE_TUNING not in self.parts_off
 
     @property
     def start_weights(self) -> Path:
@@ -257,17 +186,12 @@ class RunPlan:
         return f"{name[:_LONGEST_LABEL]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
-def method_parts() -> tuple[str, ...]:
-    """Return the names of the parts that can be switched off."""
-    return (*PARTS, _FINE_TUNING, *RULES)
-
-
 def open_planned_system(plan: RunPlan, predictor: Predictor, scene: Scene, *, maintain: bool) -> NavigationSystem:
     """Return the system of a plan with the constants of its predictor. Raises OptionError and WeightsError."""
     method = open_method(plan.preset, predictor)
     limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
     method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
-    system = open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {_FINE_TUNING}))
+    system = open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {FINE_TUNING}))
     return with_maintenance(system, plan.maintenance) if maintain and plan.maintenance else system
 
 

@@ -12,31 +12,28 @@ other file.
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
-import numpy as np
 from joblib import delayed
 
 from ltvn_core.atomic_files import atomic_output, atomic_replacement, write_text_atomically
 from ltvn_core.data.recording.recorded_run import RecordedRobot, RunDescription
 from ltvn_core.errors import RecordingError
-from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.episode_runner import EpisodeRunner, cached_runner, episode_rng, open_runner
 from ltvn_core.evaluation.ground_truth import calibration_bins, floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawing import save_drawing
 from ltvn_core.evaluation.plans import (
     RunFiles,
     RunPlan,
     claim_files,
-    open_planned_system,
-    planned_weights,
 )
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress, read_share, told_repeatedly
-from ltvn_core.evaluation.protocol import EpisodePlan, light_under
+from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.results import (
     ROWS,
@@ -50,10 +47,7 @@ from ltvn_core.evaluation.results import (
 )
 from ltvn_core.evaluation.workers import WHOLE, Part, Workers
 from ltvn_core.evaluation.worlds.world_schedule import WorldSchedule, draw_world_schedule
-from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import Event, StampedEvent
-from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.fine_tuning_data import system_training
@@ -314,32 +308,6 @@ def run_episodes(plan: RunPlan, files: RunFiles, after: int, first: int, episode
 def _timed(run: Callable[[], QueryResult]) -> QueryResult:
     started = time.monotonic()
     return replace(run(), seconds=round(time.monotonic() - started, 3))
-
-
-def episode_rng(seed: int, episode: int) -> np.random.Generator:
-    """Return the random generator of one episode."""
-    return np.random.default_rng([seed, 3, episode])
-
-
-def open_runner(plan: RunPlan, files: RunFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
-    """Load the map after a number of queries, with its scene and network."""
-    scene = load_scene(plan.scene)
-    weights = planned_weights(plan, files)
-    predictor = open_predictor(plan.predictor, plan.scene, weights)
-    system = open_planned_system(plan, predictor, scene, maintain=maintain)
-    return EpisodeRunner(
-        scene,
-        TopologicalMap.load(files.map(queries), predictor, system=system),
-        plan.protocol,
-        perturbations=plan.perturbations,
-        light=light_under(plan.conditions),
-    )
-
-
-@lru_cache(maxsize=1)
-def cached_runner(plan: RunPlan, files: RunFiles, queries: int) -> EpisodeRunner:
-    """Return the runner of a frozen map, cached between batches; its map must not be changed."""
-    return open_runner(plan, files, queries)
 
 
 def record_failures(plan: RunPlan, files: RunFiles, run: Run, count: int) -> int:

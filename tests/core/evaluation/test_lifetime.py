@@ -12,6 +12,7 @@ pytest.importorskip("embreex")
 from ltvn_core.data.recording.map_file import load_map, save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.episode_runner import open_runner
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.lifelong_drive import bad_edges
 from ltvn_core.evaluation.plans import RunFiles, RunPlan, Schedule
@@ -19,7 +20,7 @@ from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.results import Run, read_queries
-from ltvn_core.evaluation.runner import batch_ranges, finished_run, open_runner, run_query_batch
+from ltvn_core.evaluation.runner import batch_ranges, finished_run, run_query_batch
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded
 from ltvn_core.graph.operators import pose_row

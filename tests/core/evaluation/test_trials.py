@@ -11,7 +11,8 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.map_drawing import load_drawing
-from ltvn_core.evaluation.plans import RULES, RunFiles, RunPlan
+from ltvn_core.evaluation.method_parts import RULES
+from ltvn_core.evaluation.plans import RunFiles, RunPlan
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol, light_under, protocol_under
 from ltvn_core.evaluation.reports.result_rows import setup_of

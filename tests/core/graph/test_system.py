@@ -8,7 +8,7 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.plans import PARTS, RULES, without_parts
+from ltvn_core.evaluation.method_parts import PARTS, RULES, without_parts
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped

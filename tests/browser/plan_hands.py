@@ -23,8 +23,10 @@ Point = tuple[float, float]
 """Of the window, in pixels."""
 WHEEL = 1.0015
 """The map grows by this factor with each pixel of the wheel."""
-SPANS_PX = 60
-"""An edge is long enough to be pointed at."""
+SPANS_PX = 60, 240, 6
+"""An edge is long enough to be pointed at; among many nodes one looks closer, or from so far that they are one."""
+SAME_PX = 8
+"""Nodes that are no farther apart in the window stand at one place, as in `plan_pick.js`."""
 APART_PX = 40
 """Places so far apart can be told from each other."""
 SAME_M = 0.02
@@ -147,12 +149,21 @@ class PlanHands:
         here = self.poses[node]
         return sum(float(np.hypot(*(pose - here)[:2])) < SAME_M for pose in self.poses.values()) > 1
 
-    def look_at_edge(self, edge: EdgeKey) -> None:
-        """Look so closely that an edge is long enough to be pointed at."""
-        if self.is_turn(edge):
-            return self.look_at_node(edge[0])
+    def find_edge(self, edge: EdgeKey) -> tuple[Point, list[Point]]:
+        """Look closer until an edge can be pointed at; return where, and all points along it."""
+        about = f"edge {edge[0]},{edge[1]}"
         start, end = (self.poses[node][:2] for node in edge)
-        return self.look_at((start + end) / 2, SPANS_PX / float(np.hypot(*(end - start))))
+        length = float(np.hypot(*(end - start)))
+        points: list[Point] = []
+        for spans_px in SPANS_PX:
+            if length < SAME_M:
+                self.look_at_node(edge[0])
+            else:
+                self.look_at((start + end) / 2, spans_px / length)
+            points = self.points_of_edge(edge)
+            if self._seen_at(points, about, "mouse")[-1] == about:
+                break
+        return self.point_at(about, points), points
 
     def points_of_edge(self, edge: EdgeKey) -> list[Point]:
         """Return points along an edge, to the right of the line between its nodes.
@@ -168,19 +179,24 @@ class PlanHands:
         return [point for lane in lanes for point in (*lane, OUTSIDE)]  # Outside, nothing is spread any more.
 
     def is_turn(self, edge: EdgeKey) -> bool:
-        """Tell whether an edge joins two headings at one place."""
-        return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) < SAME_M
+        """Tell whether an edge joins two headings at what is one place in the window."""
+        return float(np.hypot(*(self.poses[edge[0]] - self.poses[edge[1]])[:2])) * self.scale < SAME_PX
 
     def point_at(self, about: str, points: list[Point], pointer: str = "mouse") -> Point:
         """Move a pointer until the page says that a thing is below it, and return where that is."""
-        points = [(round(x), round(y)) for x, y in points]  # As the window's own pointer moves: by whole pixels.
-        seen = self.page.evaluate(_POINT, [points, about, pointer])
+        seen = self._seen_at(points, about, pointer)
         assert seen[-1] == about, f"nowhere is {about} under the {pointer}, but {seen}"
-        return points[len(seen) - 1]
+        x, y = points[len(seen) - 1]
+        return round(x), round(y)
+
+    def _seen_at(self, points: list[Point], until: str, pointer: str) -> list[str]:
+        """Return what is under a pointer at points, up to the thing that is looked for."""
+        whole = [(round(x), round(y)) for x, y in points]  # As the window's own pointer moves: by whole pixels.
+        return self.page.evaluate(_POINT, [whole, until, pointer])
 
     def about_at(self, point: Point) -> str:
         """Return what is under a pointer at a point."""
-        return self.page.evaluate(_POINT, [[point], "-", "mouse"])[0]
+        return self._seen_at([point], "-", "mouse")[0]
 
     def take(self, point: Point, took_effect: Callable[[], bool]) -> None:
         """Click once, and wait for what comes of it."""

@@ -108,12 +108,11 @@ def test_any_node_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, h
 def test_any_edge_is_taken_by_the_first_click_and_by_a_finger(app: RunningApp, hands: PlanHands) -> None:
     ask_by_hand(app)
     for edge in random.Random(SEED).sample(hands.edges, COUNT):
-        hands.look_at_edge(edge)
-        points = hands.points_of_edge(edge)
-        about = "edge {},{}".format(*edge)
-        point = hands.point_at(about, points)
+        point, points = hands.find_edge(edge)
         hands.take(point, lambda edge=edge: selected_edge(app) == edge)
-        asked = hands.tap(["pick_edge", list(edge)], points[0], point) or hands.tap_among(about, points)
+        asked = hands.tap(["pick_edge", list(edge)], points[0], point) or hands.tap_among(
+            f"edge {edge[0]},{edge[1]}", points
+        )
         assert asked == ["pick_edge", list(edge)], f"edge {edge}: {asked}"
 
 
@@ -215,8 +214,7 @@ def test_arrows_move_the_map_where_tab_put_the_focus_and_drive_nothing(
 def test_a_click_on_an_edge_asks_about_it(app: RunningApp, hands: PlanHands) -> None:
     poses = hands.poses
     long = max(hands.edges, key=lambda edge: math.dist(*(poses[node][:2] for node in edge)))
-    hands.look_at_edge(long)
-    point = hands.point_at("edge {},{}".format(*long), hands.points_of_edge(long))
+    point, _ = hands.find_edge(long)
     hands.take(point, lambda: selected_edge(app) == long)
     assert app.session.state.debugger.shown.question is QuestionName.EDGE
 

@@ -7,18 +7,13 @@ driven. The images, where some are needed, are those of the demo map.
 import math
 import pickle
 import tempfile
-import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass, field, fields, replace
-from importlib import import_module
-from io import StringIO
+from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
-import tyro
 
 from ltvn_core.config import ROBUST
 from ltvn_core.data.importing.frame_preparation import FramePreparation
@@ -36,7 +31,6 @@ from ltvn_core.preprocessing import admit_observation, recorded_observation
 from ltvn_core.robots.robot_plugins import check_robot as require_robot
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
-NO_DRIVE = "not tested: give a drive by --drive"
 _IMAGES = 8
 _FRAMES = 50
 _ROUNDS = 10
@@ -48,28 +42,8 @@ _SAME_PLACE_M = 0.25
 _WALL_M = 1.0
 
 
-@dataclass
-class Steps:
-    """The requirements that were tested so far, in order."""
-
-    done: list[tuple[str, str]] = field(default_factory=list)
-    """Each requirement, with what was measured."""
-
-    def __call__(self, requirement: str) -> None:
-        """Begin with the next requirement, after the last one was met."""
-        self.done.append((requirement, ""))
-
-    def measured(self, said: object) -> None:
-        """Note what was measured for the present requirement."""
-        self.done[-1] = self.done[-1][0], str(said)
-
-
-def check_predictor(
-    make: Callable[[PredictorRequest], Predictor], weights: Path | None = None, *, step: Steps | None = None
-) -> None:
+def check_predictor(make: Callable[[PredictorRequest], Predictor], weights: Path | None = None) -> None:
     """Check a predictor with eight images: shapes, numbers, and equal answers to equal questions."""
-    step = step or Steps()
-    step("opens and has a card")
     seen, meta = _demo_images(_IMAGES)
     request = PredictorRequest(meta.scene, weights, meta.camera)
     predictor = make(request)
@@ -79,26 +53,20 @@ def check_predictor(
     if known is not None:
         assert 0 < known.p_success_if_not < known.p_success_if_reachable < 1, f"p(s | r) of its likelihoods: {known}"
         assert known.sigma2 > 0, f"sigma2 of its likelihoods: {known}"
-    step.measured(f"{card.fingerprint}, {card.camera.width} x {card.camera.height}")
     images = [recorded_observation(each, meta.camera, predictor.camera) for each in seen]
 
-    step("encodes one row for each image")
     rows = predictor.encode(images)
     assert isinstance(rows, np.ndarray), f"encode must return a numpy array, got {type(rows).__name__}"
     assert (rows.ndim, len(rows)) == (2, _IMAGES), f"encode must return (N, F), got {rows.shape} for {_IMAGES} images"
 
-    step("returns r in [0, 1] and finite waypoints, the same twice")
     first, second = _compared(predictor, rows), _compared(predictor, rows)
     assert np.array_equal(first.reachability, second.reachability), "the second answer differs from the first"
     assert np.array_equal(first.waypoints, second.waypoints), "the second answer differs from the first"
-    step.measured(f"r from {first.reachability.min():.2f} to {first.reachability.max():.2f}")
 
-    step("encodes an image the same way in any order")
     _assert_equal(_compared(predictor, predictor.encode(images[::-1])[::-1]), _compared(predictor, rows), "reversed")
     alone = np.concatenate([predictor.encode([image]) for image in images])
     _assert_equal(_compared(predictor, alone), _compared(predictor, rows), "encoded one by one")
 
-    step("compares one image with many, with one and with none")
     single = [predictor.predict(rows[:1], rows[k : k + 1]) for k in range(_IMAGES)]
     joined = Prediction(
         np.concatenate([each.reachability for each in single]), np.concatenate([each.waypoints for each in single])
@@ -107,35 +75,22 @@ def check_predictor(
     assert len(predictor.encode([])) == 0, "encode must return zero rows for zero images"
     _sound(predictor.predict(rows[:1], rows[:0]), 0)
 
-    step("recognises the same image")
     same = predictor.predict(rows, rows)
     least, farthest = same.reachability.min(), np.hypot(*same.waypoints[:, :2].T).max()
     assert least >= _SAME_PLACE_R, f"an image and itself must have r of at least {_SAME_PLACE_R}, got {least:.2f}"
     assert farthest <= _SAME_PLACE_M, f"an image and itself must lie within {_SAME_PLACE_M} m, got {farthest:.2f} m"
 
-    step("accepts a blank image")
     wall = np.full(images[0].rgb.shape[:2], _WALL_M, np.float32)
     _accepts(predictor, replace(images[0], rgb=np.zeros_like(images[0].rgb), depth=wall), rows)
-    step("accepts an image without depth, or declares that it needs depth")
     if not card.needs_depth:
         _accepts(predictor, replace(images[0], depth=np.zeros_like(wall)), rows)
         _accepts(predictor, replace(images[0], depth=None), rows)
 
-    step("can be opened by other processes")
     assert pickle.loads(pickle.dumps(make)) is make, "its factory must be a function or class of a module"
-    step("is timed")
-    began = time.perf_counter()
-    predictor.encode(images)
-    encoded = time.perf_counter()
-    predictor.predict(rows[:1], rows)
-    image_ms, pair_ms = (1e3 * s / _IMAGES for s in (encoded - began, time.perf_counter() - encoded))
-    step.measured(f"{image_ms:.1f} ms per image, {pair_ms:.2f} ms per pair")
 
 
-def check_system(make: Any, *, step: Steps | None = None) -> None:
+def check_system(make: Any) -> None:
     """Let a system, or the SystemEntry of one, build a small map twice."""
-    step = step or Steps()
-    step("is made with the thresholds of a method")
     system = getattr(make, "factory", make)(ROBUST)
     assert isinstance(system, NavigationSystem), f"it must make a NavigationSystem, got {type(system).__name__}"
     parts = ("build", "edge_weight", "localise", "subgoal")
@@ -147,52 +102,40 @@ def check_system(make: Any, *, step: Steps | None = None) -> None:
         predictor = GeometricPredictor(meta.camera)
         return tuple(system.build(seen, KeyframeStore(predictor), predictor, rng=np.random.default_rng(0)))
 
-    step("builds a map of the images that it is given")
     deltas = built()
     graph = TopologicalGraph(deltas)
     assert graph.nodes, "its map has no node"
     assert {*graph.nodes, *graph.reserve} <= {each.step for each in seen}, (
         "it has nodes that are no images of the drive"
     )
-    step.measured(f"{len(graph.nodes)} nodes, {len(graph.edges)} edges")
-    step("builds the same map again")
     assert built() == deltas, "the second map differs; draw random numbers only from `rng`"
-    step("weighs edges by finite numbers of at least 0")
     costs = [system.edge_weight(edge.belief) for edge in graph.edges.values()]
     assert all(math.isfinite(cost) and cost >= 0 for cost in costs), f"got {costs[:3]}"
 
 
-def check_reader(reader: Any, path: Path | None, *, step: Steps | None = None) -> None:
+def check_reader(reader: Any, path: Path | None = None) -> None:
     """Let a reader recognise and read a drive; without one (None), only let it look at what is no drive."""
-    step = step or Steps()
-    step("recognises nothing in noise")
     with tempfile.TemporaryDirectory(prefix="ltvn-") as name:
         noise = Path(name) / "noise.bin"
         noise.write_bytes(bytes(range(256)) * 16)
         (Path(name) / "empty").mkdir()
         for place in (noise, noise.with_name("empty"), noise.with_name("not-there")):
             assert not reader.recognises(place), f"it claims to recognise {place.name}"
-    step("recognises and opens a drive")
     if path is None:
         assert callable(reader.open), "it has no class method open"
-        step.measured(NO_DRIVE)
         return
     assert reader.recognises(path), f"it does not recognise {path}"
     drive = reader.open(path, ReadOptions())
     assert isinstance(drive.facts, DriveFacts), f"`facts` must be a DriveFacts, got {type(drive.facts).__name__}"
-    step("yields frames in the order of their stamps")
     frames = list(islice(drive.frames(), _FRAMES))
     assert frames, "it yields no frame"
     for frame in frames:
         assert isinstance(frame, RawFrame), f"it must yield RawFrame, got {type(frame).__name__}"
     unordered = [(a.stamp, b.stamp) for a, b in pairwise(frames) if not a.stamp < b.stamp]
     assert not unordered, f"{unordered[0][0]} s is followed by {unordered[0][1]} s"
-    step.measured(f"the first {len(frames)}")
-    step("yields images that can be imported")
     preparation = FramePreparation(frames[0])
     for k, frame in enumerate(frames):
         preparation.observation(frame, step=k, odometry=np.zeros(3) if frame.odometry is None else frame.odometry)
-    step("yields what its facts name")
     for role, part in (("odometry", "odometry"), ("truth", "truth"), ("depth", "depth_m")):
         named = any(stream.role == role and stream.count != 0 for stream in drive.facts.streams)
         assert not named or any(getattr(frame, part) is not None for frame in frames), f"no frame has {role}"
@@ -200,16 +143,12 @@ def check_reader(reader: Any, path: Path | None, *, step: Steps | None = None) -
     assert all(isinstance(doubt, str) for doubt in drive.doubts), "`doubts` must be sentences"
 
 
-def check_robot(make: Callable[[], Any], *, step: Steps | None = None) -> None:
+def check_robot(make: Callable[[], Any]) -> None:
     """Look at a robot that stands still for a second; it is not driven."""
-    step = step or Steps()
-    step("is created, and returns a first image")
     robot = make()
     require_robot(robot, getattr(make, "__name__", "robot"))
     camera = robot.spec.camera
-    step.measured(f"{robot.spec.name}, camera {camera.width} x {camera.height}")
     try:
-        step("returns images that fit its camera")
         seen: list[Observation] = []
         states: list[Any] = []
         for _ in range(_ROUNDS):
@@ -219,60 +158,30 @@ def check_robot(make: Callable[[], Any], *, step: Steps | None = None) -> None:
                 raise AssertionError(str(error)) from error
             states.append(robot.state())
             robot.clock.advance(_STEP_S)
-        step("has increasing steps and times")
         for name, listed in (("observe()", seen), ("state()", states)):
             for each in ("step", "stamp"):
                 values = [getattr(one, each) for one in listed]
                 assert values == sorted(values), f"the {each} of {name} decreases: {values}"
                 assert values[-1] > values[0], f"the {each} of {name} is always {values[0]}, for a second of its clock"
-        step("stops at `stop()`")
         robot.stop()
     finally:
         getattr(robot, "close", robot.stop)()
 
 
-def check_scene(make: Callable[[], Any], *, step: Steps | None = None) -> None:
+def check_scene(make: Callable[[], Any]) -> None:
     """Open a scene, or the mesh whose path is returned, and find a free place."""
     from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene  # The simulator may not be installed.
     from ltvn_core.simulation.scene import Scene
 
-    step = step or Steps()
-    step("is a Scene or the path of a mesh")
     made = make()
     scene = load_mesh_scene(Path(made)) if isinstance(made, str | Path) else made
     assert isinstance(scene, Scene), f"it must return a Scene or the path of a mesh, got {type(made).__name__}"
-    step.measured(f"{scene.area_m2:.0f} m2")
-    step("has free floor")
     poses = scene.clearance.sample_poses(np.random.default_rng(0), 10)
     assert np.all(scene.clearance.at(poses[:, :2]) > 0), "free places lie within obstacles"
-    step("has visible surfaces")
     surfaces = scene.surfaces
     assert len(surfaces.faces) > 0, "it has no triangles"
     assert surfaces.faces.max() < len(surfaces.vertices), "faces refer to missing vertices"
     assert surfaces.face_texture.max() < len(surfaces.textures), "faces refer to missing textures"
-
-
-def check_question(make: Any, *, step: Steps | None = None) -> None:
-    """Ask a question of the page about the demo recording, without and with a selection."""
-    # By its name, as the command line finds jobs: the page knows the core, and the core knows no page.
-    import_module("ltvn_viz.debugger.question_check").ask_about_demo(make, step or Steps())
-
-
-def check_verb(verb: Any, *, step: Steps | None = None) -> None:
-    """Let the command line read a verb's options and show its help; the verb does not run."""
-    step = step or Steps()
-    step("is a verb with something to do")
-    assert str(verb.__doc__ or "").strip(), "it has no docstring, which is its help"
-    if verb.job:
-        module, _, function = verb.job.partition(":")
-        assert callable(getattr(import_module(module), function, None)), f"its job {verb.job} is no function"
-    step("shows its options by --help")
-    with redirect_stdout(StringIO()) as shown, suppress(SystemExit):
-        tyro.cli(verb, args=["--help"])
-    hints = get_type_hints(verb, include_extras=True)
-    plain = [each.name for each in fields(verb) if not hasattr(hints[each.name], "__metadata__")]
-    options = [name for name in plain if f"--{name}".replace("_", "-") not in shown.getvalue()]
-    assert not options, f"its help does not name {', '.join(options)}"
 
 
 def _demo_images(count: int) -> tuple[Sequence[Observation], RecordingMetadata]:

@@ -2,7 +2,7 @@
 
 from functools import partial
 from importlib.metadata import EntryPoint
-from typing import Any, Protocol
+from typing import Any
 
 from ltvn_core.data.recording.demo_files import DEMO_RECORDING, demo_file
 from ltvn_core.errors import RecordingError
@@ -12,23 +12,11 @@ from ltvn_viz.debugger.question_registry import make_question
 from ltvn_viz.session.inspection import Selection
 
 
-class Steps(Protocol):
-    """Notes the requirements that are tested, as `ltvn_core.testing.Steps`."""
-
-    def __call__(self, requirement: str) -> None:
-        """Begin with the next requirement."""
-
-    def measured(self, said: object) -> None:
-        """Note what was measured."""
-
-
-def ask_about_demo(make: Any, step: Steps) -> None:
+def ask_about_demo(make: Any) -> None:
     """Ask a question at the end of the demo recording, without and with a selection. Raises what the question
     raises."""
-    step("has name, word and description")
     name = getattr(make, "__qualname__", repr(make))
     question = make_question(Plugin(QUESTIONS, EntryPoint(name, f"{make.__module__}:{name}", QUESTIONS.name)), make)
-    step.measured(question.word)
     path = demo_file(DEMO_RECORDING)
     if path is None:
         raise RecordingError(f"{DEMO_RECORDING} is missing; reinstall the toolkit: pip install ltvn (or -e .)")
@@ -36,12 +24,7 @@ def ask_about_demo(make: Any, step: Steps) -> None:
     jobs = JobsAtOnce()
     context = case.context(case.replay.length_s, jobs)
     edge = next(iter(context.graph.edges))
-    for about, selection in (
-        ("about nothing selected", Selection()),
-        ("about a node", Selection(node=edge[0])),
-        ("about an edge", Selection(edge=edge)),
-    ):
-        step(f"answers {about} of the demo recording")
+    for selection in (Selection(), Selection(node=edge[0]), Selection(edge=edge)):
         answer = jobs.complete(partial(question.sound_answer, context, selection))
-        assert not answer.is_pending, "its answer is never complete"
-        assert answer.answer.blocks, "its answer is empty"
+        assert not answer.is_pending, f"its answer to {selection} is never complete"
+        assert answer.answer.blocks, f"its answer to {selection} is empty"

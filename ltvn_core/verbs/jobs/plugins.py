@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from ltvn_core.predictors.opening import OWN_PREDICTORS
 from ltvn_core.systems.registry import OWN_SYSTEMS, load_system
 from ltvn_core.verbs.discovery import load_parsed_verb
 from ltvn_core.verbs.plugins import PluginsVerb
-from ltvn_core.verbs.verb import Summary
+from ltvn_core.verbs.verb import Summary, Verb
 
 _LOG = logging.getLogger(__name__)
 
@@ -54,20 +55,6 @@ class PluginRow:
         return f"{self.group:<16} {self.name:<14} {self.package} {self.version}  {mark}"
 
 
-@dataclass(frozen=True, slots=True)
-class ContractCheck:
-    """Result of one check."""
-
-    check: str
-    """Requirement that is checked."""
-    passed: bool
-    said: str
-    """Measured value, or the problem."""
-
-    def __str__(self) -> str:
-        return f"{'ok     ' if self.passed else 'BROKEN '} {self.check}" + (f": {self.said}" if self.said else "")
-
-
 @dataclass(frozen=True)
 class PluginsSummary:
     """All plug-ins, group by group."""
@@ -86,7 +73,8 @@ class PluginTestSummary:
     package: str
     version: str
     passed: bool
-    checks: tuple[ContractCheck, ...]
+    why: str
+    """The requirement that the plug-in does not meet, or what it raised; empty if it passed."""
 
 
 def list_or_test(options: PluginsVerb) -> Summary:
@@ -111,35 +99,36 @@ def plugin_row(plugin: Plugin) -> PluginRow:
     return PluginRow(plugin.group.name, plugin.name, plugin.package, plugin.version, works=not why, why=why)
 
 
-def contract_checks(
-    plugin: Plugin, *, weights: Path | None = None, drive: Path | None = None
-) -> tuple[ContractCheck, ...]:
-    """Test a plug-in until it breaks a requirement, and return the requirements that were tested.
+def broken_contract(plugin: Plugin, *, weights: Path | None = None, drive: Path | None = None) -> str:
+    """Test a plug-in, and return the first requirement that it does not meet, or what it raised; empty if none.
 
     Only a predictor takes weights, and only a reader a drive.
     """
-    step = testing.Steps()
-    step("can be loaded")
-    broken = ""
+    checks: dict[PluginGroup, Callable[..., None]] = {
+        PREDICTORS: partial(testing.check_predictor, weights=weights),
+        SYSTEMS: testing.check_system,
+        ROBOTS: testing.check_robot,
+        READERS: partial(testing.check_reader, path=drive),
+        SCENES: testing.check_scene,
+        # By its name, as the command line finds jobs: the page knows the core, and the core knows no page.
+        QUESTIONS: lambda made: import_module("ltvn_viz.debugger.question_check").ask_about_demo(made),
+        VERBS: _check_verb,
+    }
     try:
-        loaded = _load(plugin)
-        checks: dict[PluginGroup, Callable[..., None]] = {
-            PREDICTORS: partial(testing.check_predictor, weights=weights),
-            SYSTEMS: testing.check_system,
-            ROBOTS: testing.check_robot,
-            READERS: partial(testing.check_reader, path=drive),
-            SCENES: testing.check_scene,
-            QUESTIONS: testing.check_question,
-            VERBS: testing.check_verb,
-        }
-        checks[plugin.group](loaded, step=step)
+        checks[plugin.group](_load(plugin))
     except (AssertionError, LtvnError) as error:
-        broken = str(error) or type(error).__name__
+        return str(error) or type(error).__name__
     except (Exception, SystemExit) as error:  # Another person's code may raise anything.
-        broken = f"{type(error).__name__}: {error}"
-    *kept, (last, said) = step.done
-    found = [ContractCheck(check, passed=True, said=measured) for check, measured in kept]
-    return (*found, ContractCheck(last, passed=not broken, said=broken or said))
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _check_verb(verb: type[Verb]) -> None:
+    """Check what loading a verb does not; the verb does not run."""
+    assert str(verb.__doc__ or "").strip(), "it has no docstring, which is its help"
+    if verb.job:
+        module, _, function = verb.job.partition(":")
+        assert callable(getattr(import_module(module), function, None)), f"its job {verb.job} is no function"
 
 
 def _installed() -> list[Plugin]:
@@ -193,12 +182,7 @@ def _tested(options: PluginsVerb, plugin: Plugin) -> PluginTestSummary:
             f"There is no file or folder {options.drive}; --drive names a drive that the reader can read."
         )
     _LOG.info("Testing %s.", plugin.title)
-    checks = contract_checks(plugin, weights=options.weights, drive=options.drive)
-    return PluginTestSummary(
-        group=plugin.group.name,
-        name=plugin.name,
-        package=plugin.package,
-        version=plugin.version,
-        passed=all(check.passed for check in checks),
-        checks=checks,
-    )
+    if plugin.group == READERS and options.drive is None:
+        _LOG.info("Reading is not tested: give a drive by --drive.")
+    why = broken_contract(plugin, weights=options.weights, drive=options.drive)
+    return PluginTestSummary(plugin.group.name, plugin.name, plugin.package, plugin.version, passed=not why, why=why)

@@ -139,10 +139,8 @@ def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
 
     from ltvn_core.atomic_files import owner_only
     from ltvn_core.extras import naming_the_extra
-    from ltvn_core.verbs.verb import refuse_renamed
 
     _show_log()
-    refuse_renamed(verb, given)
     chosen = tyro.cli(verb, prog=program, args=given)
     with naming_the_extra(), _unwinding_at_signals(), owner_only():
         return report(chosen)

@@ -238,13 +238,7 @@ def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights 
 
     if not output.exists():
         return None
-    made_by = matching_card(output).get("run", {})
-    # Earlier versions wrote fewer keys, so only the keys of both need to agree.
-    if (
-        not isinstance(made_by, dict)
-        or "plan" not in made_by
-        or any(made_by[key] != run[key] for key in made_by.keys() & run.keys())
-    ):
+    if matching_card(output).get("run") != run:
         raise WeightsError(
             f"{output} exists, was made with other settings, and is not overwritten. Name another output, or move "
             "that file."

@@ -1,9 +1,8 @@
 """`ltvn evaluate`: the paper's protocol, for LTVN and its rivals."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
@@ -16,8 +15,6 @@ from ltvn_core.verbs.verb import Verb
 @dataclass(frozen=True, kw_only=True)
 class ProtocolOptions(Verb):
     """Options shared by the verbs that test a method by the paper's protocol."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"--workers": "parallel processes are --processes N in all verbs"}
 
     scene: tuple[str, ...] = ("demo",)
     """Scenes by name (a wrong one lists the right ones), or paths of meshes or of Gibson folders."""
@@ -65,11 +62,6 @@ class EvaluateVerb(ProtocolOptions):
     """Test a method as the paper does: map a scene, fine-tune, build, and drive random episodes without maintenance."""
 
     job = "ltvn_core.verbs.jobs.evaluate:evaluate"
-    renamed: ClassVar[Mapping[str, str]] = {
-        **ProtocolOptions.renamed,
-        "--method": "a navigation system is named by --system NAME in all verbs",
-        **dict.fromkeys(("--robot", "--map", "--queries"), "a robot is tested by ltvn evaluate-robot ROBOT --map MAP"),
-    }
 
     system: SystemName = DEFAULT_SYSTEM
     """The navigation system: ltvn is the paper's, the others are rivals in the same harness."""

@@ -2,7 +2,6 @@
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from enum import Enum
 from importlib import import_module
@@ -71,8 +70,6 @@ class Verb:
 
     job: ClassVar[str] = ""
     """The function that runs the job with the options, as `package.module:function`; `run` imports its module."""
-    renamed: ClassVar[Mapping[str, str]] = {}
-    """Removed options, such as `--method`, and what to write instead."""
 
     json: SummaryFile | None = None
     """Write a machine-readable summary to this file; - is standard output."""
@@ -104,13 +101,6 @@ def do_job(job: str, options: Verb) -> Summary:
     with garbage_collection_paused():  # A fifth of the time that importing takes.
         loaded = import_module(module)
     return getattr(loaded, function)(options)
-
-
-def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:
-    """Raise OptionError if a renamed option was given."""
-    for option in (each.partition("=")[0].replace("_", "-") for each in given):
-        if option in verb.renamed:
-            raise OptionError(f"There is no {option} any more: {verb.renamed[option]}.")
 
 
 def _check_number(name: str, number: int) -> None:

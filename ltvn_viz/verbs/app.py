@@ -2,10 +2,9 @@
 
 import logging
 import shutil
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
@@ -31,8 +30,6 @@ class AppSummary:
 @dataclass(frozen=True, kw_only=True)
 class AppVerb(AppSettings, FloorPlanOptions, Verb):
     """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"--method": "a navigation system is named by --system NAME in all verbs"}
 
     def run(self) -> AppSummary:
         """Serve the page until interrupted; raises LtvnError."""

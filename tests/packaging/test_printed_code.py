@@ -15,7 +15,6 @@ from packaging.requirements import Requirement
 
 from ltvn_core.cli import main
 from ltvn_core.verbs.discovery import find_verbs, load_verb
-from ltvn_core.verbs.verb import refuse_renamed
 from tests.program import ltvn_here
 from tests.repository import DEMO_DRIVE, DEMO_MAP, RECORDINGS, ROOT
 
@@ -114,7 +113,6 @@ def test_a_printed_command_is_one_that_can_be_given(page: str, line: str) -> Non
     program, *words = shlex.split(line, comments=True)
     if program == "ltvn" and not words[0].startswith("-"):
         verb = load_verb(find_verbs()[words[0]])
-        refuse_renamed(verb, words[1:])
         tyro.cli(verb, args=words[1:])
     elif words[0] == "-m":
         assert find_spec(words[1].split(".")[0])

@@ -21,7 +21,7 @@ from cattrs.strategies import configure_tagged_union
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import Event, GraphChanged, Note, StampedEvent
+from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import FrameId
 from ltvn_core.worlds import WorldChange
@@ -48,8 +48,6 @@ _CONVERTER = _converter()
 
 _KINDS_BEFORE = {"LegStarted": "AttemptStarted", "LegEnded": "AttemptEnded"}
 """Former names of event kinds in older recordings -> their present names."""
-_RETIRED = ("ViewAdded", "ViewUsed", "ViewDropped")
-"""Changes of the map in older recordings that no longer exist; each is read as a note."""
 
 
 def encode_event(event: Event) -> str:
@@ -58,8 +56,7 @@ def encode_event(event: Event) -> str:
 
 
 def decode_event(text: str) -> Event:
-    """Decode an event, equal to the written one; former names of kinds are converted to present names, and changes of
-    the map that no longer exist to notes.
+    """Decode an event, equal to the written one; former names of kinds are converted to present names.
 
     Raises RecordingError if the text is not an event of this schema.
     """
@@ -108,8 +105,6 @@ def _decoded_by_type(text: str) -> Any:
 def _decoded_by_fields(text: str) -> Event:
     try:
         data = _parsed(text)
-        if data["kind"] == GraphChanged.__name__ and (kind := data["delta"]["kind"]) in _RETIRED:
-            return Note(f"Node {data['delta']['node']}: {kind} changes nothing, because maps no longer have views.")
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
         raise RecordingError(f"This is not an event of the current schema: {text[:120]}") from error

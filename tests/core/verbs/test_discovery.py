@@ -81,25 +81,6 @@ def test_ltvn_alone_says_with_what_to_begin(packages: Path) -> None:
     assert set(begun) <= set(FIRST_SHOWN)
 
 
-@pytest.mark.parametrize(
-    ("typed", "now"),
-    [
-        (("app", "--method", "sptm"), "--system"),
-        (("evaluate", "--method=sptm"), "--system"),
-        (("evaluate", "--workers", "2"), "--processes"),
-        (("lifelong", "--workers", "2"), "--processes"),
-        (("evaluate", "--robot", "sim@tcp/127.0.0.1:7447"), "ltvn evaluate-robot"),
-    ],
-)
-def test_an_option_with_an_old_name_is_refused_with_the_new_one(
-    packages: Path, typed: tuple[str, ...], now: str
-) -> None:
-    run = ltvn(packages, *typed)
-    (line,) = run.stderr.strip().splitlines()
-    assert run.returncode == 1
-    assert now in line
-
-
 def test_every_job_that_a_verb_names_is_a_function_of_its_module() -> None:
     for options in [*(ROOT / "ltvn_core/verbs").glob("*.py"), *(ROOT / "ltvn_viz/verbs").glob("*.py")]:
         for module, function in re.findall(r'"([\w.]+\.jobs\.\w+):(\w+)"', options.read_text(encoding="utf-8")):

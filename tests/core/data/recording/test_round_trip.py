@@ -109,18 +109,6 @@ def test_every_event_returns_equal(event: Event) -> None:
     assert decode_event(encode_event(event)) == event
 
 
-def test_a_change_of_a_map_that_no_longer_exists_is_read_as_a_note() -> None:
-    view = '{"frame":7,"pose":[0.1,0.0,0.0],"used_s":5.0,"uses":2}'
-    for delta in (
-        f'{{"node":1,"view":{view},"cause":"sight","kind":"ViewAdded"}}',
-        '{"node":1,"frame":7,"stamp":9.0,"cause":"sight","kind":"ViewUsed"}',
-        '{"node":1,"frame":7,"cause":"sight","kind":"ViewDropped"}',
-    ):
-        note = decode_event(f'{{"delta":{delta},"query":3,"attempt":null,"kind":"GraphChanged"}}')
-        assert isinstance(note, Note)
-        assert "view" in note.text
-
-
 def test_texts_that_are_not_utf_8_are_recorded_and_come_back_readable(tmp_path: Path) -> None:
     name = os.fsdecode(b"caf\xe9")
     with RecordingWriter(tmp_path / "a.rrd", scene=name, config={"place": name}, fingerprint="") as writer:

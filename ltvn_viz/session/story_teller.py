@@ -19,7 +19,7 @@ from ltvn_core.evaluation.door_story.story import (
     StoryStep,
     Wait,
 )
-from ltvn_core.evaluation.door_story.story_map import DOOR, StoryMap
+from ltvn_core.evaluation.door_story.story_map import StoryMap
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import Note, QueryStarted
 from ltvn_core.simulation.scene import door_names
@@ -58,11 +58,6 @@ class StoryTeller:
         """Whether the robot stands until a caption was read."""
         self.query: int | None = None
         """The last query that the story started."""
-
-    @property
-    def door(self) -> int:
-        """The door that the story is about."""
-        return DOOR
 
     @property
     def is_over(self) -> bool:

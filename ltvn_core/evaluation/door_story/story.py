@@ -36,8 +36,6 @@ READ_S = 4.5
 """Least time for which a caption stands before the next one, in seconds."""
 _SEVERAL = 3
 """Number of new nodes at which a caption first mentions them."""
-MOST_TRIES = 2
-"""Maximum number of further tries if the robot took another path without seeing the closed door."""
 SETTLED_STEPS = 20
 """Number of control steps without another edge seen open after which the caption counts those that returned."""
 _LEAST_WAIT_S = 600.0
@@ -201,16 +199,14 @@ class DoorStory:
             yield Change(DoorMoved(DOOR, is_open=True))
         yield from self._learn_other_way()
         yield from self._prepare()
-        for tries_left in reversed(range(MOST_TRIES + 1)):
-            yield from self._query(self._close_door)
-            if not self._is_closed or self.facts.absent or not tries_left:
-                break
-            yield from self._tell("The robot did not see the closed door. It starts again from the same place.")
-            yield from self._when_idle(Carry(self._map.pose(START)))
-        if self._is_closed:
+        yield from self._query(self._close_door)
+        if self._is_closed and self.facts.absent:
             yield from self._find_open_door()
-        else:
-            yield from self._tell("The story ends here: the robot found a path that does not lead through the door.")
+            return
+        yield from self._tell("The story ends here: the robot found a path that does not lead through the door.")
+        if self._is_closed:
+            self._is_closed = False
+            yield Change(DoorMoved(DOOR, is_open=True))
 
     def _learn_other_way(self) -> _Steps:
         """Drive the robot along the way that its map lacks."""

@@ -181,11 +181,14 @@ def test_edges_return_only_after_the_door_was_opened_and_those_that_remain_are_c
     assert "arrived" in player.story.captions[-1]
 
 
-def test_a_robot_that_went_round_without_seeing_why_is_sent_out_again(player: Player) -> None:
+def test_a_robot_that_went_round_without_seeing_why_ends_the_story_with_the_door_open(player: Player) -> None:
     at_closed_door(player)
     player.take(ended(Outcome.ARRIVED))
-    assert player.until(GoTo) == GoTo(GOAL)
-    assert player.told("starts again")
+    assert player.until(Change) == Change(DoorMoved(0, is_open=True))
+    assert player.told("ends here")
+    assert player.step(is_idle=True) is None
+    assert player.story.is_over
+    assert not player.story.stop("Enough.")
 
 
 def test_a_story_that_is_stopped_leaves_the_door_open_and_no_wrong_edge(player: Player) -> None:

@@ -8,9 +8,8 @@ table or a roof, and which cells are indoors.
 
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +37,7 @@ _STOREY_M = (2.0, 4.0)
 """Usual height of a storey, least and greatest, in metres."""
 _HIGH_STOREY_M = 4.5
 """Height in metres above which a mesh is more than one usual storey."""
-_UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
-"""Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
-_MISSPELT = 0.65
-"""Least similarity of an unknown key with a known one that makes it a misspelling. Keys that a person adds for others,
-such as "name", "bounds" or "licence", are below 0.5."""
-_OTHER_WORDS = {"units": "scale", "unit": "scale", "up_axis": "up", "axis": "up", "floor": "floor_height"}
-"""Common other names of settings, for hints."""
-_METRES = ("m", "metre", "metres", "meter", "meters")
+_ADVICE = "docs/how-to/change-the-world.md tells how to correct a mesh."
 CELL_M = 0.05
 """Side of a cell of the clearance map."""
 _FINE = 2
@@ -107,7 +99,8 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
         )
     except (OSError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise SceneError(f'{path} cannot be read ({error}). Write for instance {{"up": "z", "scale": 1.0}}.') from error
-    _check_keys(content, path)
+    if notes := content.keys() - {field.name for field in fields(MeshSettings)}:
+        log.info("%s: only up, scale and floor_height are settings; not read: %s.", path, ", ".join(sorted(notes)))
     if settings.up not in (None, "y", "z") or settings.scale <= 0:
         raise SceneError(
             f'{path}: "up" must be "y" or "z", and "scale" a positive number, got {settings.up!r}, {settings.scale}.'
@@ -120,20 +113,6 @@ def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError(f"{value!r} is not a finite number")
     return float(value)
-
-
-def _check_keys(content: Mapping[str, object], path: Path) -> None:
-    """Raise SceneError for a key that looks like a misspelt setting; other keys are ignored as notes."""
-    known = [field.name for field in fields(MeshSettings)]
-    for key, value in content.items():
-        close = get_close_matches(key.lower(), known, n=1, cutoff=_MISSPELT)
-        meant = _OTHER_WORDS.get(key.lower()) or (close[0] if close else None)
-        if key in known or meant is None or (meant == "scale" and value in _METRES):
-            continue
-        raise SceneError(
-            f'{path}: "{key}" is not a setting; "{meant}" is probably meant. The settings are "up" ("y" or "z"), '
-            '"scale" (metres per unit, 0.001 for millimetres) and "floor_height" (metres).'
-        )
 
 
 def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfaces:
@@ -218,37 +197,20 @@ def _extent(surfaces: Surfaces) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
     span = float(size[:2].max())
-    height = float(size[2])
-    if _LEAST_SPAN_M <= span <= _MOST_SPAN_M and height <= _MOST_HEIGHT_M:
-        return
-    factor = _likely_unit(span, height)
-    raise SceneError(
-        f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is too large or too small for an indoor "
-        f"scene in metres (a floor is {_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write "
-        "the metres per unit into "
-        f'{mesh.with_suffix(".json")}, for instance {{"scale": {factor:g}}}.'
-    )
+    if not _LEAST_SPAN_M <= span <= _MOST_SPAN_M or size[2] > _MOST_HEIGHT_M:
+        raise SceneError(
+            f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} m, but an indoor scene is "
+            f"{_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide and at most {_MOST_HEIGHT_M:g} m high. {_ADVICE}"
+        )
 
 
 def _check_place(middle: NDArray[np.float64], mesh: Path) -> None:
-    if np.abs(middle).max() <= _MOST_DISTANCE_M:
-        return
-    place = ", ".join(f"{along / 1000:,.0f}" for along in middle)
-    raise SceneError(
-        f"{mesh} lies far from its origin, at ({place}) km, as surveyed coordinates do (such as UTM). So far away, "
-        f"32 bits do not tell centimetres apart; move it within {_MOST_DISTANCE_M / 1000:g} km of the origin, for "
-        "instance by CloudCompare, or in Python: import trimesh; scene = "
-        f"trimesh.load_scene({str(mesh)!r}); scene.apply_translation(-scene.centroid); "
-        f"scene.export({str(mesh.with_stem(mesh.stem + '_moved'))!r})"
-    )
-
-
-def _likely_unit(span: float, height: float) -> float:
-    """Return metres per unit that give a plausible size of a building."""
-    for unit in _UNITS:
-        if 3 <= span * unit <= 60 and height * unit <= 15:
-            return unit
-    return 10.0 ** round(math.log10(10.0 / max(span, height, 1e-9)))
+    if np.abs(middle).max() > _MOST_DISTANCE_M:
+        place = ", ".join(f"{along / 1000:,.0f}" for along in middle)
+        raise SceneError(
+            f"{mesh} lies far from its origin, at ({place}) km, but must lie within {_MOST_DISTANCE_M / 1000:g} km. "
+            f"{_ADVICE}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,8 +254,7 @@ def detect_floor(
         tried = ", ".join(f"{height:.2f} m" for height in candidates) or "none, because no surface is level"
         raise SceneError(
             f"{mesh} has no floor that is wide enough for the robot (heights examined: {tried}; it needs "
-            f"{_LEAST_FLOOR_M2:g} m2 indoors). Set the axis that points up or the height of the floor in the JSON file "
-            'beside it, for instance {"up": "z", "floor_height": 0.0}, and check the mesh for holes in the floor.'
+            f"{_LEAST_FLOOR_M2:g} m2 indoors). {_ADVICE}"
         )
     return next(floor for floor in floors if floor.navigable_m2 > most / 2)
 

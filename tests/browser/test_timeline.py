@@ -135,6 +135,7 @@ def test_keys_read_what_a_pointer_there_is_told_and_many_events_of_a_kind_are_co
         live.emit(e.WorldChanged(LightChanged(0.5)))
     hint = page.locator(".ltvn-time-hint")
     page.mouse.move(500, 5)
+    page.get_by_role("slider", name="moment on show").blur()
     expect(hint).to_be_hidden()
     page.locator(STRIP).focus()
     page.keyboard.press("Semicolon")

@@ -33,7 +33,7 @@ SAME_M = 0.02
 TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
 """So far from a node's middle, along its heading, one points at it."""
 ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
-LANE_PX, BUNDLE_PX, MOST_BESIDE = 1.5, 6.0, 16
+LANE_PX, BUNDLE_PX, MOST_BESIDE = 1.5, 6.0, 60
 OUTSIDE = (5.0, 5.0)
 """No place of the map."""
 MOST_SCALE = 590.0

@@ -154,16 +154,17 @@ class PlanHands:
         about = f"edge {edge[0]},{edge[1]}"
         start, end = (self.poses[node][:2] for node in edge)
         length = float(np.hypot(*(end - start)))
-        points: list[Point] = []
+        points, seen = list[Point](), list[str]()
         for spans_px in SPANS_PX:
             if length < SAME_M:
                 self.look_at_node(edge[0])
             else:
                 self.look_at((start + end) / 2, spans_px / length)
             points = self.points_of_edge(edge)
-            if self._seen_at(points, about, "mouse")[-1] == about:
+            seen = self._seen_at(points, about, "mouse")
+            if seen[-1] == about:
                 break
-        return self.point_at(about, points), points
+        return self._found(about, points, seen), points
 
     def points_of_edge(self, edge: EdgeKey) -> list[Point]:
         """Return points along an edge, to the right of the line between its nodes.
@@ -184,8 +185,11 @@ class PlanHands:
 
     def point_at(self, about: str, points: list[Point], pointer: str = "mouse") -> Point:
         """Move a pointer until the page says that a thing is below it, and return where that is."""
-        seen = self._seen_at(points, about, pointer)
-        assert seen[-1] == about, f"nowhere is {about} under the {pointer}, but {seen}"
+        return self._found(about, points, self._seen_at(points, about, pointer))
+
+    def _found(self, about: str, points: list[Point], seen: list[str]) -> Point:
+        """Return the point where a thing was seen last."""
+        assert seen[-1] == about, f"nowhere is {about} under the pointer, but {seen}"
         x, y = points[len(seen) - 1]
         return round(x), round(y)
 

@@ -235,11 +235,19 @@ def read_query_log(path: Path) -> list[QueryResult]:
 def append_to_log(path: Path, result: QueryResult) -> None:
     """Append a finished query and flush it to disk. Raises OptionError if it cannot be written."""
     line = json.dumps(CONVERTER.unstructure(result), separators=(",", ":"))
+    append_durably(path, f"\n{line}", break_first=False)
+
+
+def append_durably(path: Path, text: str, *, break_first: bool = True) -> None:
+    """Append lines of results to a file and flush it to disk; its folder is made.
+
+    The text begins with a line break, so that an incomplete line before it does not damage the next one; `break_first`
+    tells whether a new file begins with it, too. Raises OptionError if the file cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a", encoding="utf-8") as file:
-            # The line break comes first, so that an incomplete line does not damage the next one.
-            file.write(f"\n{line}" if file.tell() else line)
+            file.write(text if break_first or file.tell() else text.removeprefix("\n"))
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:

@@ -8,7 +8,6 @@ a map is a file beside them.
 
 import gzip
 import json
-import os
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -20,7 +19,7 @@ import cattrs
 from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.map_drawing import MapDrawing
-from ltvn_core.evaluation.query_result import CONVERTER, QueryResult
+from ltvn_core.evaluation.query_result import CONVERTER, QueryResult, append_durably
 from ltvn_core.structured_text import parse_json
 
 ROWS = "*.jsonl"
@@ -162,18 +161,7 @@ def json_rows(runs: Iterable[Run]) -> str:
 
 def append_rows(path: Path, columns: RunColumns, results: Iterable[QueryResult | TestedMap]) -> None:
     """Append lines to a file and flush it to disk. Raises OptionError if it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", encoding="utf-8") as file:
-            # The line break comes first, so that an incomplete line does not damage the next one.
-            file.write("".join(f"\n{columns_line(columns, result)}" for result in results))
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise OptionError(
-            f"{path} cannot be written: {error.strerror}. Free some space or name another --folder; the results so "
-            "far are kept."
-        ) from error
+    append_durably(path, "".join(f"\n{columns_line(columns, result)}" for result in results))
 
 
 def drawing_path(folder: Path, queries: int) -> Path:

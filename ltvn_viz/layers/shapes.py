@@ -41,12 +41,16 @@ def marker_mesh(length_m: float, thickness_m: float) -> Mesh:
     return vertices, np.concatenate([roof, floor, sides]).astype(np.uint32)
 
 
-def disc_mesh(radius_m: float, corners: int = 8) -> Mesh:
-    """Return vertices (V, 3) and faces (F, 3) of a flat dot, with few faces because a map has many dots."""
-    angles = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-    rim = np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.zeros(corners)], axis=1)
-    first = np.zeros(corners - 2, int)
-    second = np.arange(1, corners - 1)
+_CORNERS = 8
+"""Corners of a dot; few, because a map has many dots."""
+
+
+def disc_mesh(radius_m: float) -> Mesh:
+    """Return vertices (V, 3) and faces (F, 3) of a flat dot."""
+    angles = np.linspace(0, 2 * np.pi, _CORNERS, endpoint=False)
+    rim = np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.zeros(_CORNERS)], axis=1)
+    first = np.zeros(_CORNERS - 2, int)
+    second = np.arange(1, _CORNERS - 1)
     return rim.astype(np.float32), np.stack([first, second, second + 1], axis=1).astype(np.uint32)
 
 

@@ -21,6 +21,9 @@ from ltvn_core.types import Pose
 
 _FACES_PER_BODY = 40_000
 """Maximum number of faces per body; PyBullet limits the size of one mesh, so a large scene becomes several bodies."""
+_SETTLING_TICKS = 8
+"""Ticks at rest without contact after which the body stands where it is until something moves; Bullet finds contacts
+one tick late."""
 
 
 class BulletBody:
@@ -43,6 +46,7 @@ class BulletBody:
         pybullet.setTimeStep(TICK_S, physicsClientId=self._client)
         pybullet.setGravity(0, 0, 0, physicsClientId=self._client)
         self._people: dict[str, int] = {}
+        self._still_ticks = 0
         self._obstacles: dict[str, list[int]] = {}
         self.set_obstacles(SCENE_OBSTACLES, vertices, faces)
         self._body = self._add_body()
@@ -57,11 +61,19 @@ class BulletBody:
     def in_contact(self) -> bool:
         """Whether the body is in contact with an obstacle now."""
         # Bullet also lists pairs that are merely close, with a positive distance.
+        if self._is_settled:
+            return False
         contacts = pybullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
         return bool(contacts) and any(contact[8] < CONTACT_GAP_M for contact in contacts)
 
+    @property
+    def _is_settled(self) -> bool:
+        """Whether the body stands free of everything, so that another tick at rest would change nothing."""
+        return self._still_ticks >= _SETTLING_TICKS
+
     def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
         """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); no faces remove them."""
+        self._still_ticks = 0
         for body in self._obstacles.pop(group, ()):
             pybullet.removeBody(body, physicsClientId=self._client)
         reached = triangles_in_reach(vertices, faces, self._spec)
@@ -69,6 +81,8 @@ class BulletBody:
 
     def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
         """Set the positions of people by name, x and y in metres; each is a post that the robot cannot push."""
+        if people or self._people:
+            self._still_ticks = 0
         for person in self._people.keys() - people.keys():
             pybullet.removeBody(self._people.pop(person), physicsClientId=self._client)
         for person, (x_m, y_m) in people.items():
@@ -80,6 +94,7 @@ class BulletBody:
 
     def place(self, pose: Pose) -> None:
         """Set the body to `pose` (3,), at rest."""
+        self._still_ticks = 0
         self.x_m, self.y_m, self.yaw_rad = (float(value) for value in pose)
         self._set_position()
         pybullet.resetBaseVelocity(self._body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
@@ -87,6 +102,12 @@ class BulletBody:
 
     def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Move the body with the given speeds for one tick of 1/240 s, as far as obstacles allow."""
+        if linear_m_s or angular_rad_s:
+            self._still_ticks = 0
+        elif self._is_settled:
+            return
+        else:
+            self._still_ticks = 0 if self.in_contact else self._still_ticks + 1
         turn = angular_rad_s * TICK_S
         heading = self.yaw_rad + turn / 2
         velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)

@@ -113,8 +113,16 @@ class LiveRun:
         self._images = ImageRecorder(self._write_frame, self._append)
         self.observation: Observation | None = None
         """The newest image in timeline and recording."""
-        self.view: Observation | None = None
-        """The newest image, including those only for display."""
+        self._view: Observation | None = None
+        self._view_is_old = False
+
+    @property
+    def view(self) -> Observation | None:
+        """The newest image, including those only for display; after `glance` it is taken when it is asked for."""
+        if self._view_is_old:
+            self._view = self.robot.glance()
+            self._view_is_old = False
+        return self._view
 
     @property
     def tick_s(self) -> float:
@@ -138,8 +146,8 @@ class LiveRun:
         return observation
 
     def glance(self) -> None:
-        """Take an image only for display."""
-        self.view = self.robot.glance()
+        """Show a new image from now on, which is not recorded. It costs nothing while nobody looks at `view`."""
+        self._view_is_old = True
 
     def begin_recording(self) -> None:
         """Start a recording with the current image; raises OptionError if one is running.
@@ -169,7 +177,8 @@ class LiveRun:
 
     def _write_frame(self, observation: Observation) -> None:
         self.observation = observation
-        self.view = observation
+        self._view = observation
+        self._view_is_old = False
         self.timeline.append_frame(
             observation.step,
             observation.stamp,

@@ -199,7 +199,7 @@ function edgeEnds(source, target, pointOf = planPoint, isSpread = true) {
   const [x0, y0] = isTurn ? tipOf(from, pointOf) : pointOf(from.x, from.y);
   const [x1, y1] = isTurn ? tipOf(to, pointOf) : pointOf(to.x, to.y);
   const length = Math.hypot(x1 - x0, y1 - y0) || 1;
-  const lane = LANE_PX + (isSpread ? (bundle.get(source * EDGE_KEY + target) ?? 0) * BUNDLE_PX : 0);
+  const lane = (isSpread ? bundle.get(source * EDGE_KEY + target) : undefined) ?? LANE_PX;
   const [ox, oy] = [(-(y1 - y0) / length) * lane, ((x1 - x0) / length) * lane];
   return [x0 + ox, y0 + oy, x1 + ox, y1 + oy];
 }
@@ -281,8 +281,9 @@ function drawDots(context, nodes, colour, grown = 0, radius = dotPx(), isSpread 
 // Where the short line ends that shows the heading of a node. Several nodes at one place differ in it alone.
 function tipOf({ id, x, y, yaw }, pointOf = planPoint, isSpread = true) {
   const [px, py] = pointOf(x, y);
-  const length = isSpread && fan.has(id) ? FAN_PX : TICK_PER_DOT * dotPx();
-  return [px + length * Math.cos(yaw), py - length * Math.sin(yaw)];
+  const length = TICK_PER_DOT * dotPx();
+  const [dx, dy] = (isSpread ? fan.get(id) : undefined) ?? [length * Math.cos(yaw), -length * Math.sin(yaw)];
+  return [px + dx, py + dy];
 }
 
 function* drawTop(context) {

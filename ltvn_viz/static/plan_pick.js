@@ -6,16 +6,18 @@ const FINGER_PX = 24;
 const EDGE_LATER_PX = 2; // A node is taken before an edge that is no nearer than this.
 const MIDDLE = 0.15; // So much of an edge at each end belongs to its nodes.
 const FAN_PX = 24;
+const HEADING_PX = 12; // The tips of spread headings are no nearer to each other, though the headings may be equal.
 const BUNDLE_PX = 6;
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
-const HELD_PART = 0.3; // An edge that was spread under the pointer counts as nearer than another edge.
+const HEADING_ROUNDS = 60;
+const HELD_PART = 0.3; // An edge that was spread under the pointer is taken before any other edge.
 const SAME_PX = 8; // Nodes that are no farther apart stand at one place.
 const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
 const DOOR_HEIGHT_M = 1.5;
 
-const fan = new Set(); // Nodes at one place whose headings are spread while the pointer is there.
-const bundle = new Map(); // Edges on one line, spread while the pointer is there -> lane, counted from 0.
+const fan = new Map(); // Nodes at one place, spread while the pointer is there -> tip of the heading, seen from the node.
+const bundle = new Map(); // Edges on one line, spread while the pointer is there -> pixels to the right of its own line.
 let reach = NEAR_PX; // As far as the pointer points, which may be a finger.
 let hovered = null; // What a click would take: { kind, id, distance }.
 
@@ -55,8 +57,10 @@ function* candidates(px, py) {
   }
   for (const { source, target } of hidden.has("edges") ? [] : plan.edges.values()) {
     const ends = edgeEnds(source, target, pointOnScreen);
-    const part = bundle.has(source * EDGE_KEY + target) ? HELD_PART : 1;
-    if (ends !== null) yield { kind: "edge", id: [source, target], distance: part * distanceTo(ends, px, py) + EDGE_LATER_PX };
+    if (ends === null) continue;
+    const away = distanceTo(ends, px, py);
+    const isHeld = bundle.has(source * EDGE_KEY + target);
+    yield { kind: "edge", id: [source, target], distance: isHeld ? HELD_PART * away : away + EDGE_LATER_PX };
   }
 }
 
@@ -72,15 +76,33 @@ function nearest(px, py) {
 // Returns whether other nodes are spread than before.
 function spreadFan(px, py) {
   const away = (id) => Math.hypot(...between(id, px, py));
-  const isStill = [...fan].some((id) => plan.nodes.has(id) && away(id) < FAN_PX + reach);
+  const isStill = [...fan].some(([id, tip]) => plan.nodes.has(id) && away(id) < Math.hypot(...tip) + reach);
   if (isStill) return false;
   const before = fan.size;
   fan.clear();
   if (shows3d() || hidden.has("nodes")) return before > 0;
   const near = [...plan.nodes.values()].filter(({ id }) => away(id) < reach).sort((a, b) => away(a.id) - away(b.id));
   const here = near.filter((node) => isSamePlace(node, near[0]));
-  if (here.length > 1 && (reach === NEAR_PX || nearest(px, py)?.kind === "node")) here.forEach(({ id }) => fan.add(id));
+  if (here.length > 1 && (reach === NEAR_PX || nearest(px, py)?.kind === "node")) spreadHeadings(here);
   return before > 0 || fan.size > 0;
+}
+
+// Headings that are nearly the same push each other aside until all tips can be told apart.
+function spreadHeadings(nodes) {
+  const radius = Math.max(FAN_PX, (nodes.length * HEADING_PX) / 6);
+  const least = HEADING_PX / radius;
+  const sorted = nodes.map(({ id, yaw }) => ({ id, yaw: yaw - 2 * Math.PI * Math.floor(yaw / (2 * Math.PI)) }));
+  sorted.sort((one, other) => one.yaw - other.yaw);
+  for (let round = 0; round < HEADING_ROUNDS; round++) {
+    for (const [k, one] of sorted.entries()) {
+      const isLast = k + 1 === sorted.length;
+      const other = sorted[isLast ? 0 : k + 1];
+      const push = Math.max(0, least - (other.yaw + (isLast ? 2 * Math.PI : 0) - one.yaw)) / 2;
+      one.yaw -= push;
+      other.yaw += push;
+    }
+  }
+  for (const { id, yaw } of sorted) fan.set(id, [radius * Math.cos(yaw), -radius * Math.sin(yaw)]);
 }
 
 function isSamePlace(one, other) {
@@ -94,9 +116,22 @@ function spreadBundle(found, px, py) {
   if (isEdge && bundle.has(found.id[0] * EDGE_KEY + found.id[1])) return false;
   const before = bundle.size;
   bundle.clear();
+  const own = isEdge ? found.id[0] * EDGE_KEY + found.id[1] : 0;
   const alike = isEdge ? edgesAlong(edgeEnds(...found.id), px, py) : [];
-  if (alike.length > 1) alike.forEach((key, lane) => bundle.set(key, lane));
+  if (alike.length > 1) {
+    // The edge that was found stays below the pointer, and the others lie to its right and left in turn.
+    [own, ...alike.filter((key) => key !== own)].forEach((key, k) => {
+      const lane = k % 2 === 1 ? (k + 1) / 2 : -k / 2;
+      const { source, target } = plan.edges.get(key);
+      bundle.set(key, lane * BUNDLE_PX + beside(edgeEnds(source, target), px, py) + LANE_PX);
+    });
+  }
   return before > 0 || bundle.size > 0;
+}
+
+// How far to the right of a line a point lies.
+function beside([x0, y0, x1, y1], px, py) {
+  return ((px - x0) * (y0 - y1) + (py - y0) * (x1 - x0)) / (Math.hypot(x1 - x0, y1 - y0) || 1);
 }
 
 // The edges that pass by a point on the picture in the direction of a line.
@@ -132,7 +167,7 @@ function between(id, px, py) {
 }
 
 function drawFan(context) {
-  const nodes = [...fan].map((id) => plan.nodes.get(id)).filter((node) => node !== undefined);
+  const nodes = [...fan.keys()].map((id) => plan.nodes.get(id)).filter((node) => node !== undefined);
   if (nodes.length === 0) return;
   for (const { source, target, p } of plan.edges.values()) {
     if (fan.has(source) && fan.has(target)) drawSome(context, [edgeEnds(source, target)], shadeOf(p), 1.5);

@@ -33,7 +33,10 @@ SAME_M = 0.02
 TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
 """So far from a node's middle, along its heading, one points at it."""
 ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
-LANE_PX, BUNDLE_PX, MOST_BESIDE = 1.5, 6.0, 60
+LANE_PX, BUNDLE_PX = 1.5, 6.0
+LANES = sorted(range(-30, 31), key=abs)
+FAN_PX = 40
+"""Headings at one place are spread so far from it."""
 OUTSIDE = (5.0, 5.0)
 """No place of the map."""
 MOST_SCALE = 590.0
@@ -142,7 +145,8 @@ class PlanHands:
         """Return points where a person would point at a node, whose heading one sees; the pointer is there first."""
         x, y, yaw = map(float, self.poses[node])
         px, py = on_screen(self.page, x, y)
-        return [(px, py), *((px + reach * math.cos(yaw), py - reach * math.sin(yaw)) for reach in TICKS_PX)]
+        ticks = ((px + reach * math.cos(yaw), py - reach * math.sin(yaw)) for reach in TICKS_PX)
+        return [(px, py), *ticks, *around(np.array([px, py]))]  # Headings that are nearly equal push each other aside.
 
     def is_crowded(self, node: NodeId) -> bool:
         """Tell whether several nodes stand at the place of one."""
@@ -173,11 +177,13 @@ class PlanHands:
         """
         start, end = (np.array(on_screen(self.page, *map(float, self.poses[node][:2]))) for node in edge)
         if self.is_turn(edge):
-            yaws = [float(self.poses[node][2]) for node in edge]
-            tips = [start + TICKS_PX[0] * np.array([math.cos(yaw), -math.sin(yaw)]) for yaw in yaws]
-            return [(float(start[0]), float(start[1])), *along(tips[0], tips[1], 0)]
-        lanes = zip(*(along(start, end, lane) for lane in range(MOST_BESIDE)), strict=True)
+            return [(float(start[0]), float(start[1])), *around(start)]
+        lanes = zip(*(along(start, end, lane) for lane in LANES), strict=True)
         return [point for lane in lanes for point in (*lane, OUTSIDE)]  # Outside, nothing is spread any more.
+
+    def places_to_tap(self, points: list[Point]) -> list[Point]:
+        """Return those of an edge's points that lie on the edge itself, while nothing is spread."""
+        return points[:: len(LANES) + 1]
 
     def is_turn(self, edge: EdgeKey) -> bool:
         """Tell whether an edge joins two headings at what is one place in the window."""
@@ -231,8 +237,15 @@ class PlanHands:
         return self.page.evaluate("window.asked")
 
 
+def around(middle: NDArray[np.float64]) -> Iterator[Point]:
+    """Return points of a disc in the window, from its middle outwards."""
+    places = [(dx, dy) for dx in range(-FAN_PX, FAN_PX + 1, 2) for dy in range(-FAN_PX, FAN_PX + 1, 2)]
+    for dx, dy in sorted(places, key=lambda place: math.hypot(*place)):
+        yield float(middle[0]) + dx, float(middle[1]) + dy
+
+
 def along(start: NDArray[np.float64], end: NDArray[np.float64], beside: int) -> Iterator[Point]:
-    """Return points along a line between two points of the window, in a lane to its right, counted from 0."""
+    """Return points along a line between two points of the window, in a lane beside it, 0 on it, 1 to its right."""
     forward = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
     lane = (LANE_PX + beside * BUNDLE_PX) * np.array([-forward[1], forward[0]])
     for share in ALONG:

@@ -49,11 +49,7 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_colmap(path: Path) -> bool:
-    return _model(path) is not None
-
-
-COLMAP = FolderFormat(_is_colmap, _listed_drive)
+COLMAP = FolderFormat(lambda path: _model(path) is not None, _listed_drive)
 """Folders with images and a COLMAP model in text form."""
 
 

@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.config import ROBUST
+from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts, RawFrame
 from ltvn_core.data.importing.revisits import near_pairs, revisits
@@ -79,18 +80,15 @@ class DriveStatistics:
     facts: DriveFacts
     odometry: OdometrySource
     """Source of the recorded odometry."""
-    is_lens_known: bool
-    is_depth_registered: bool
+    preparation: FramePreparation
+    """The preparation of its frames, which knows camera and lens."""
     stamps: Sequence[float]
     """Stamps of all images in order, also of those that were left out."""
     is_spacing_ignored: bool = False
     """Whether the user gave a spacing of images although the drive has no odometry to measure it."""
     dropped: Mapping[str, int] = field(default_factory=dict)
     """Images that were left out, by reason."""
-    width_px: int = 0
-    """Width of the recorded images, in pixels."""
-    field_of_view_rad: float = 0.0
-    """Horizontal field of view, in radians."""
+
     _observed: list[tuple[float, Pose]] = field(default_factory=list)
     _compared: list[tuple[Pose, Pose]] = field(default_factory=list)
     _tilts: list[Tilt] = field(default_factory=list)
@@ -137,16 +135,6 @@ class DriveStatistics:
         return float(np.median([tilt.pitch_rad for tilt in self._tilts])) if self._tilts else None
 
     @property
-    def dropped_as_wrong(self) -> Mapping[str, int]:
-        """Images that were left out for another reason than too little motion, by reason."""
-        return {reason: count for reason, count in self.dropped.items() if reason != TOO_LITTLE_MOTION}
-
-    @property
-    def thinned(self) -> int:
-        """Images that were left out for too little motion."""
-        return self.dropped.get(TOO_LITTLE_MOTION, 0)
-
-    @property
     def depth_median_m(self) -> float | None:
         """Median depth of the drive, in metres; None if no image has depth."""
         return float(np.median(self._depth_medians_m)) if self._depth_medians_m else None
@@ -179,28 +167,34 @@ class DriveStatistics:
     @property
     def drift(self) -> Drift | None:
         """Deviation of odometry from the true poses; None without both, or if the drive is too short."""
-        if len(self._compared) < 2:
-            return None
-        odometry, truth = (np.array(poses) for poses in zip(*self._compared, strict=True))
-        return drift(odometry, truth)
+        pairs = np.array(self._compared)
+        return drift(pairs[:, 0], pairs[:, 1]) if len(pairs) >= 2 else None
 
     @property
     def coverage(self) -> Coverage | None:
         """Coverage computed from the poses; None if there are no poses."""
-        if self.odometry is OdometrySource.NONE:
-            return None
-        return coverage(self.poses, np.array([stamp for stamp, _ in self._observed]))
+        stamps = np.array([stamp for stamp, _ in self._observed])
+        return None if self.odometry is OdometrySource.NONE else coverage(self.poses, stamps)
 
-
-def path_m(poses: Pose) -> float:
-    """Return the length of a path through poses (N, 3)."""
-    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()) if len(poses) > 1 else 0.0
+    @property
+    def path_m(self) -> float:
+        """Length of the path by the recorded odometry, in metres."""
+        return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum()) if self.frames > 1 else 0.0
 
 
 def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
     """Return the expected map of N images with these poses (N, 3) and stamps (N,)."""
     near = near_pairs(poses)
-    joined = np.concatenate([near, _bridged_pairs(poses, stamps)])
+    # Odometry may join images that are close in time and space in a map without a match.
+    breaks = np.hypot(*np.diff(poses[:, :2], axis=0).T) > JUMP_M if len(poses) > 1 else np.zeros(0, bool)
+    breaks |= np.diff(stamps) > PAUSE_S
+    stretch = np.concatenate([[0], np.cumsum(breaks)])
+    pairs = [near]
+    for gap in range(1, min(REACH, len(poses) - 1) + 1):
+        apart = distance(relative(poses[:-gap], poses[gap:]))
+        rows = np.flatnonzero((apart < ROBUST.building.connect_distance) & (stretch[:-gap] == stretch[gap:]))
+        pairs.append(np.column_stack([rows, rows + gap]))
+    joined = np.concatenate(pairs)
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(poses), len(poses)))
     pieces, labels = connected_components(graph, directed=False)
     return Coverage(
@@ -208,19 +202,6 @@ def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
         largest_share=float(np.bincount(labels).max() / len(poses)),
         revisited_share=len(np.unique(revisits(near, poses, stamps)[:, 1])) / len(poses),
     )
-
-
-def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the rows (K, 2) of images, close in time and space, that odometry may join in a map without a match."""
-    breaks = np.hypot(*np.diff(poses[:, :2], axis=0).T) > JUMP_M if len(poses) > 1 else np.zeros(0, bool)
-    breaks |= np.diff(stamps) > PAUSE_S
-    stretch = np.concatenate([[0], np.cumsum(breaks)])
-    pairs = [np.empty((0, 2), np.intp)]
-    for gap in range(1, min(REACH, len(poses) - 1) + 1):
-        apart = distance(relative(poses[:-gap], poses[gap:]))
-        rows = np.flatnonzero((apart < ROBUST.building.connect_distance) & (stretch[:-gap] == stretch[gap:]))
-        pairs.append(np.column_stack([rows, rows + gap]))
-    return np.concatenate(pairs)
 
 
 def drift(odometry: Pose, truth: Pose) -> Drift | None:

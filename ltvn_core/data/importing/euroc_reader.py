@@ -65,11 +65,9 @@ def _listed_drive(path: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_euroc(path: Path) -> bool:
-    return any(_is_camera(each) for each in (path / _BODY / _FIRST, path / _FIRST, path))
-
-
-EUROC = FolderFormat(_is_euroc, _listed_drive)
+EUROC = FolderFormat(
+    lambda path: any(_is_camera(each) for each in (path / _BODY / _FIRST, path / _FIRST, path)), _listed_drive
+)
 """Sequences in the ASL layout, or one camera of them."""
 
 
@@ -107,13 +105,15 @@ def _lens(said: CalibrationYaml, path: Path, doubts: list[str]) -> CameraModel |
 
 def _read_truth(body: Path, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
     """Return the poses of the camera, and the name of their folder. Raises DriveError."""
-    for name in TRUTHS:
-        path = body / name / _LIST
-        if path.is_file():
-            sensor = body / name / _SENSOR
-            on_body = CalibrationYaml(sensor).transform("T_BS") if sensor.is_file() else None
-            return _track(path, (np.eye(4) if on_body is None else inverse(on_body)) @ camera_on_body), name
-    return None, ""
+    name = next((each for each in TRUTHS if (body / each / _LIST).is_file()), None)
+    if name is None:
+        return None, ""
+    sensor = body / name / _SENSOR
+    on_body = CalibrationYaml(sensor).transform("T_BS") if sensor.is_file() else None
+    camera_on_sensor = camera_on_body if on_body is None else inverse(on_body) @ camera_on_body
+    stamps, positions, turns, _ = read_poses(body / name / _LIST, scalar_first=True, unit_s=_NANOSECOND)
+    positions = positions + turns.apply(camera_on_sensor[:3, 3])
+    return PoseTrack(stamps, positions, turns * Rotation.from_matrix(camera_on_sensor[:3, :3]), up_axis="z"), name
 
 
 def _is_camera(folder: Path) -> bool:
@@ -149,12 +149,3 @@ def _images(folder: Path) -> Sequence[tuple[float, str]]:
     if not found:
         raise DriveError(f"{listed} lists no images; it needs lines of a stamp in nanoseconds and a file.")
     return found
-
-
-def _track(path: Path, camera_on_sensor: Transform) -> PoseTrack:
-    """Return the poses of a camera from a file with the poses of the sensor that it is mounted on. Raises
-    DriveError."""
-    of_sensor = read_poses(path, scalar_first=True, unit_s=_NANOSECOND)
-    positions = of_sensor.positions + of_sensor.rotations.apply(camera_on_sensor[:3, 3])
-    turns = of_sensor.rotations * Rotation.from_matrix(camera_on_sensor[:3, :3])
-    return PoseTrack(of_sensor.stamps, positions, turns, up_axis="z")

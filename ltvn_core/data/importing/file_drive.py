@@ -155,8 +155,12 @@ class FileDriveReader:
         """Take what the lists say, and the user's options. Raises DriveError where they do not fit."""
         if not drive.frames:
             raise DriveError(f"{drive.folder} lists no images whose files exist; copy the whole folder.")
-        if drive.has_fixed_names:
-            _require_no_choice(drive.format, options)
+        for option, value in (("--rgb", options.rgb), ("--depth", options.depth), ("--odometry", options.odometry)):
+            if drive.has_fixed_names and value not in (None, NOTHING):
+                raise DriveError(
+                    f"{option} {value}: the files of a drive in the format {drive.format} have fixed names; omit the "
+                    "option, or import as another format with --format."
+                )
         self._drive = drive
         self._options = options
         self._if_readable = ReadableDepths()
@@ -175,10 +179,15 @@ class FileDriveReader:
             self.doubts.append(f"{self._poses.missing} images have no valid pose in {self._poses.name}.")
         self._poses = self._poses or None  # Poses of which none is valid are no odometry.
         self._turns = self._quarter_turns() if drive.has_fixed_names else 0
+        streams = [*drive.streams]
+        if self._poses is not None:
+            streams.append(SourceFact(drive.pose_role, self._poses.name, len(self._poses)))
+        if drive.has_fixed_names:  # One stamp counts for all.
+            streams = [replace(stream, rate_hz=rate_hz(self._stamps)) for stream in streams]
         self.facts = DriveFacts(
             format=drive.format,
             frames=len(drive.frames),
-            streams=self._streams(),
+            streams=(*streams, *drive.unread),
             place=drive.place or (drive.folder.resolve().stem if drive.archive else drive.folder.resolve().name),
             assumed_rate_hz=assumed_hz,
         )
@@ -223,14 +232,6 @@ class FileDriveReader:
         usual = np.arctan2(np.sin(rolls).sum(), np.cos(rolls).sum())
         return round(-usual / (np.pi / 2)) % 4
 
-    def _streams(self) -> Sequence[SourceFact]:
-        streams = [*self._drive.streams]
-        if self._poses is not None:
-            streams.append(SourceFact(self._drive.pose_role, self._poses.name, len(self._poses)))
-        if self._drive.has_fixed_names:  # One stamp counts for all.
-            streams = [replace(stream, rate_hz=rate_hz(self._stamps)) for stream in streams]
-        return (*streams, *self._drive.unread)
-
     def _moment(self, place: int) -> FrameMoment:
         moment = self._drive.frames[place].moment._replace(stamp=self._stamps[place])
         seen = None if self._poses is None else self._poses.at(place)
@@ -239,9 +240,7 @@ class FileDriveReader:
         tilt = seen.tilt
         if self._turns:
             tilt = Tilt(tilt.pitch_rad, float(wrap_angle(tilt.roll_rad + self._turns * np.pi / 2)))
-        if self._drive.pose_role == "odometry":
-            return moment._replace(odometry=seen.planar, tilt=tilt)
-        return moment._replace(truth=seen.planar, tilt=tilt)
+        return moment._replace(**{self._drive.pose_role: seen.planar}, tilt=tilt)
 
     def _with_pictures(self) -> Iterator[tuple[ListedFrame, Any]]:
         """Yield each frame with its image of the video, if the colours are a video."""
@@ -274,12 +273,19 @@ class FileDriveReader:
             camera = exif_camera(blob, width, height)
         if camera is not None and self._turns:
             camera = replace(camera, quarter_turns=self._turns)
+        depth_camera, focal = None, self._drive.depth_focal_px
+        if focal is not None and camera is not None and depth_m is not None:
+            high, wide = depth_m.shape
+            focal *= wide / camera.width
+            depth_camera = CameraModel(
+                width=wide, height=high, fx=focal, fy=focal, cx=(wide - 1) / 2, cy=(high - 1) / 2
+            )
         return RawFrame(
             stamp=moment.stamp,
             rgb=rgb,
             depth_m=depth_m,
             camera=None if camera is None else fitted(camera, width, height, listed.colour),
-            depth_camera=self._depth_camera(depth_m, camera),
+            depth_camera=depth_camera,
             odometry=moment.odometry,
             truth=moment.truth,
             tilt=moment.tilt,
@@ -295,15 +301,6 @@ class FileDriveReader:
             return depth_m
         levels = decode_colour(self._bytes(listed.confidence), listed.confidence)[..., 0]
         return without_low_confidence(depth_m, levels)
-
-    def _depth_camera(self, depth_m: Depth | None, camera: CameraModel | None) -> CameraModel | None:
-        """Return the lens of depth images that are not registered to the colours; None if they are."""
-        focal = self._drive.depth_focal_px
-        if focal is None or camera is None or depth_m is None:
-            return None
-        height, width = depth_m.shape
-        focal *= width / camera.width
-        return CameraModel(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
 
     def _bytes(self, name: str) -> bytes:
         """Return the bytes of a file of the drive. Raises DriveError."""
@@ -346,12 +343,3 @@ def listed_streams(frames: Sequence[ListedFrame], rgb: str, options: ReadOptions
     if depths and options.depth != NOTHING:
         streams.append(SourceFact("depth", depths[0].rpartition("/")[0] or depths[0], len(depths)))
     return streams
-
-
-def _require_no_choice(name: str, options: ReadOptions) -> None:
-    for option, value in (("--rgb", options.rgb), ("--depth", options.depth), ("--odometry", options.odometry)):
-        if value not in (None, NOTHING):
-            raise DriveError(
-                f"{option} {value}: the files of a drive in the format {name} have fixed names; omit the option, or "
-                "import as another format with --format."
-            )

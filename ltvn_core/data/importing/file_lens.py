@@ -4,7 +4,6 @@ Owns the names of such files beside images, and the check that a lens without an
 """
 
 import io
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +57,8 @@ class FileLens:
 
     def camera(self, width: int, height: int) -> CameraModel:
         """Return the camera, of images of this size if the file says none. Raises DriveError if it is not a camera."""
-        if self.size is None and not self._is_central(width, height):
+        aside = max(abs(self.cx / width - 0.5), abs(self.cy / height - 0.5))
+        if self.size is None and not aside < _OFF_CENTRE:  # NaN is nowhere.
             raise DriveError(
                 f"{self.source} has the lens's centre at {self.cx:.0f}, {self.cy:.0f}, far from the middle of images "
                 f"of {width} x {height}, so it belongs to another image size; {HOW_TO}."
@@ -77,10 +77,6 @@ class FileLens:
             )
         except CameraError as error:
             raise DriveError(f"{self.source} describes no camera ({error!s:.120}); {HOW_TO}.") from error
-
-    def _is_central(self, width: int, height: int) -> bool:
-        aside = max(abs(self.cx / width - 0.5), abs(self.cy / height - 0.5))
-        return math.isfinite(aside) and aside < _OFF_CENTRE
 
 
 def lens_beside(folder: Path) -> FileLens | None:

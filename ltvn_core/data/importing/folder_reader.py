@@ -168,10 +168,13 @@ def depth_pairs(folder: Path, wanted: str | None, pictures: FolderPictures) -> D
 
 
 def _stamps_of(pictures: Sequence[Path]) -> list[float]:
-    """Return the stamps in the names of all pictures, if they increase; otherwise nothing."""
-    named = [_stamp_in(path.stem) for path in pictures]
-    stamps = [stamp for stamp in named if stamp is not None]
-    return stamps if len(stamps) == len(named) and all(a < b for a, b in pairwise(stamps)) else []
+    """Return the stamps in the names of all pictures, such as 1305031452.791720, if they increase; otherwise nothing.
+    Whole numbers only count the pictures.
+    """
+    if not all(re.fullmatch(r"[0-9]{1,10}\.[0-9]+", path.stem) for path in pictures):
+        return []
+    stamps = [float(path.stem) for path in pictures]
+    return stamps if all(a < b for a, b in pairwise(stamps)) else []
 
 
 def kinds_of(paths: Iterable[Path]) -> str:
@@ -251,7 +254,7 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     paths = pictures.colours
     pairs = DepthPairs((), {}) if options.depth == NOTHING else depth_pairs(folder, options.depth, pictures)
     table = _table(folder, options.odometry)
-    stamps = _known_stamps(paths, table, options)
+    stamps, assumed_hz = _known_stamps(paths, table, options)
     described = camera_beside(folder)
     lens = None if options.camera or described.camera else lens_beside(folder)
     frames = [
@@ -259,12 +262,14 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
             colour=str(path.relative_to(folder)),
             moment=FrameMoment(stamp, None if table is None else table.pose(path.name, stamp)),
             depth=None if (depth := pairs.partners.get(path)) is None else str(depth.relative_to(folder)),
-            confidence=None if depth is None else _confidence(folder, depth),
+            confidence=str(Path(CONFIDENCE_FOLDER) / depth.name)
+            if depth is not None and (folder / CONFIDENCE_FOLDER / depth.name).is_file()
+            else None,
             lens=None if lens is None else lens.camera,
         )
-        for path, stamp in zip(paths, stamps.seconds, strict=True)
+        for path, stamp in zip(paths, stamps, strict=True)
     ]
-    streams = _streams(folder, frames, table, rate_hz(stamps.seconds))
+    streams = _streams(folder, frames, table, rate_hz(stamps))
     poses = poses_beside(folder, paths)
     used = [*(fact.name for fact in streams), *([] if poses is None else [poses.name])]
     return FileDrive(
@@ -277,52 +282,39 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
         has_exif=lens is None,
         depth_unit_m=described.metres_per_unit or MILLIMETRES,
         poses=poses,
-        assumed_rate_hz=stamps.assumed_hz,
+        assumed_rate_hz=assumed_hz,
         doubts=[
             # For depth among the pictures, `pictures.doubts` has a sentence.
             *(pairs.doubts(paths) if pairs.files is not pictures.deep else ()),
             *([] if table is None else table.doubts),
             *pictures.doubts(frozenset(pairs.partners.values() if options.depth is None else pictures.deep)),
-            *_transparency_doubts(paths[0]),
+            *(
+                [
+                    f"{paths[0].name} is fully transparent; the colours below its transparency were used. If no viewer "
+                    "shows them, save the pictures without transparency."
+                ]
+                if _is_transparent(paths[0])
+                else []
+            ),
         ],
         dropped={_UNREADABLE: len(pictures.unreadable)} if pictures.unreadable else {},
     )
 
 
-def _is_folder(path: Path) -> bool:
-    return path.is_dir() and most_pictures(path) >= FEWEST
-
-
-FOLDER = FolderFormat(_is_folder, _listed_drive)
+FOLDER = FolderFormat(lambda path: path.is_dir() and most_pictures(path) >= FEWEST, _listed_drive)
 """A plain folder of pictures."""
 
 
-def _confidence(folder: Path, depth: Path) -> str | None:
-    beside = Path(CONFIDENCE_FOLDER) / depth.name
-    return str(beside) if (folder / beside).is_file() else None
-
-
-def _transparency_doubts(first: Path) -> Iterator[str]:
-    if _is_transparent(first):
-        yield (
-            f"{first.name} is fully transparent; the colours below its transparency were used. If no viewer shows "
-            "them, save the pictures without transparency."
-        )
-
-
-class _Stamps(NamedTuple):
-    seconds: Sequence[float]
-    assumed_hz: float | None = None
-
-
-def _known_stamps(pictures: Sequence[Path], table: OdometryTable | None, options: ReadOptions) -> _Stamps:
-    """Return stamps from the names of the pictures, from the table, or by the rate."""
+def _known_stamps(
+    pictures: Sequence[Path], table: OdometryTable | None, options: ReadOptions
+) -> tuple[list[float], float | None]:
+    """Return stamps from the names of the pictures, from the table, or by the rate; and the rate if it was assumed."""
     if options.rate_hz is not None:
-        return _Stamps([place / options.rate_hz for place in range(len(pictures))])
+        return [place / options.rate_hz for place in range(len(pictures))], None
     of_table = None if table is None else table.stamps_by_place(len(pictures))
     if stamps := _stamps_of(pictures) or of_table:
-        return _Stamps(stamps)
-    return _Stamps([place / RATE_HZ for place in range(len(pictures))], RATE_HZ)
+        return stamps, None
+    return [place / RATE_HZ for place in range(len(pictures))], RATE_HZ
 
 
 def _streams(
@@ -353,8 +345,3 @@ def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
         path = Path(wanted)
         require_file(path if path.parent.parts else folder / path, "--odometry", "odometry")
     return None if path is None else OdometryTable.read(path)
-
-
-def _stamp_in(stem: str) -> float | None:
-    """Return the seconds in a name such as 1305031452.791720; None for whole numbers, which only count the pictures."""
-    return float(stem) if re.fullmatch(r"[0-9]{1,10}\.[0-9]+", stem) else None

@@ -43,10 +43,13 @@ def require_plain(path: Path) -> None:
     found = path.stat()
     if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):  # Reading a folder raises OSError.
         raise DriveError(f"{path} is a pipe or a device, not a file, so it is not read.")
-    if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER and _begins_as_pointer(path):
-        raise DriveError(
-            f"{path} is only a pointer of Git LFS, not the file itself; run `git lfs pull` in {path.parent}."
-        )
+    if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER:
+        with path.open("rb") as file:
+            is_pointer = file.read(len(_POINTER)) == _POINTER
+        if is_pointer:
+            raise DriveError(
+                f"{path} is only a pointer of Git LFS, not the file itself; run `git lfs pull` in {path.parent}."
+            )
 
 
 def require_own_files(folder: Path) -> None:
@@ -64,19 +67,15 @@ def require_own_files(folder: Path) -> None:
         with os.scandir(place) as entries:
             for entry in entries:
                 if entry.is_symlink():
-                    _require_link_within(Path(entry.path), folder)
+                    link = Path(entry.path)
+                    # A broken or circular link shows nothing.
+                    if link.exists() and not link.resolve().is_relative_to(folder.resolve()):
+                        raise DriveError(
+                            f"{link} is a link to outside of {folder}, and links are not followed there. If you trust "
+                            "its target, copy the folder with `cp -rL` and import the copy; otherwise remove the link."
+                        )
                 elif level < _READ_LEVELS and entry.is_dir(follow_symlinks=False):
                     found.append((Path(entry.path), level + 1))
-
-
-def _require_link_within(link: Path, folder: Path) -> None:
-    if not link.exists():
-        return  # A broken or circular link shows nothing.
-    if not link.resolve().is_relative_to(folder.resolve()):
-        raise DriveError(
-            f"{link} is a link to outside of {folder}, and links are not followed there. If you trust its target, "
-            "copy the folder with `cp -rL` and import the copy; otherwise remove the link."
-        )
 
 
 def is_from_lfs(folder: Path) -> bool:
@@ -89,11 +88,6 @@ def is_from_lfs(folder: Path) -> bool:
     except OSError:
         return False
     return False
-
-
-def _begins_as_pointer(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(_POINTER)) == _POINTER
 
 
 def require_within(path: Path, folder: Path) -> None:

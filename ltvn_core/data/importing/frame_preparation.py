@@ -38,38 +38,23 @@ def recorded_camera(source: CameraModel) -> CameraModel:
 
 def _upright(source: CameraModel) -> CameraModel:
     """Return a camera as if it were mounted without quarter turns and roll."""
-    width = source.width
-    height = source.height
-    places = {
-        0: (source.cx, source.cy),
-        1: (source.cy, width - 1 - source.cx),
-        2: (width - 1 - source.cx, height - 1 - source.cy),
-        3: (height - 1 - source.cy, source.cx),
-    }
-    cx, cy = places[source.quarter_turns]
-    level = replace(
-        source,
-        cx=cx,
-        cy=cy,
-        distortion=source.distortion if source.fisheye else _turned(source.distortion, source.quarter_turns),
-        quarter_turns=0,
-        roll_rad=0.0,
-        depth_scale=1.0,
-    )
-    if source.quarter_turns % 2 == 0:
-        return level
-    return replace(level, width=height, height=width, fx=source.fy, fy=source.fx)
-
-
-def _turned(distortion: tuple[float, ...], quarter_turns: int) -> tuple[float, ...]:
-    """Return the coefficients for an image turned by quarter turns: p1 and p2 (k1 k2 p1 p2 ...) are a direction, which
-    turns too."""
-    if not distortion:
-        return distortion
-    down, right = distortion[2:4]
-    for _ in range(quarter_turns):
-        right, down = down, -right
-    return (*distortion[:2], down, right, *distortion[4:])
+    level = replace(source, quarter_turns=0, roll_rad=0.0, depth_scale=1.0)
+    for _ in range(source.quarter_turns):
+        distortion = level.distortion
+        if distortion and not level.fisheye:  # p1 and p2 (k1 k2 p1 p2 ...) are a direction, which turns too.
+            down, right = distortion[2:4]
+            distortion = (*distortion[:2], -right, down, *distortion[4:])
+        level = replace(
+            level,
+            width=level.height,
+            height=level.width,
+            fx=level.fy,
+            fy=level.fx,
+            cx=level.cy,
+            cy=level.width - 1 - level.cx,
+            distortion=distortion,
+        )
+    return level
 
 
 class FramePreparation:
@@ -98,9 +83,11 @@ class FramePreparation:
         """
         height, width = raw.rgb.shape[:2]
         try:
-            source = self._mounted(fitted(raw.camera or self._source, width, height, raw.name), raw)
+            source = fitted(raw.camera or self._source, width, height, raw.name)
         except DriveError as error:
             raise ImageError(str(error)) from error
+        if raw.tilt is not None:  # The image of a frame with a tilt of its own is not rotated.
+            source = replace(source, pitch_rad=0.0, roll_rad=0.0)
         target = replace(self.camera, pitch_rad=source.pitch_rad)
         checked = check_observation(
             raw.rgb, None, odometry, stamp=raw.stamp, step=step, tilt=raw.tilt, source=raw.name or "image"
@@ -116,10 +103,6 @@ class FramePreparation:
             tilt=raw.tilt,
             source=raw.name or "image",
         )
-
-    def _mounted(self, camera: CameraModel, raw: RawFrame) -> CameraModel:
-        """Return the camera without a tilt if the frame has a tilt of its own; its image is then not rotated."""
-        return camera if raw.tilt is None else replace(camera, pitch_rad=0.0, roll_rad=0.0)
 
     def _depth(self, depth_m: Depth, raw: RawFrame, source: CameraModel, target: CameraModel) -> Depth:
         """Return depth (H, W) as the recorded camera sees it; negative, NaN and infinite values become no return."""

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain, islice
-from typing import NamedTuple
 
 import numpy as np
 
@@ -70,25 +69,20 @@ def chosen_odometry(
     return wanted
 
 
-class FramesWithOdometry(NamedTuple):
-    """The frames of a drive, and the source of their odometry."""
-
-    odometry: OdometrySource
-    frames: Iterator[RawFrame]
-    """All frames, the first ones too."""
-
-    @classmethod
-    def of(cls, reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> "FramesWithOdometry":
-        """Look at the first frames, until one carries odometry, and choose. Raises DriveError as `chosen_odometry`."""
-        frames = reader.frames()
-        first: list[RawFrame] = []
-        if not has_odometry(reader, OdometrySource.SOURCE):
-            for frame in islice(frames, _LOOKED_AT):
-                first.append(frame)
-                if frame.odometry is not None:
-                    break
-        odometry = chosen_odometry(reader, map(FrameMoment.of, first), wanted)
-        return cls(odometry, chain(first, frames))
+def frames_with_odometry(
+    reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO
+) -> tuple[OdometrySource, Iterator[RawFrame]]:
+    """Return the source of odometry, and all frames of a drive.
+    Looks at the first frames, until one carries odometry, and chooses. Raises DriveError as `chosen_odometry`.
+    """
+    frames = reader.frames()
+    first: list[RawFrame] = []
+    if not has_odometry(reader, OdometrySource.SOURCE):
+        for frame in islice(frames, _LOOKED_AT):
+            first.append(frame)
+            if frame.odometry is not None:
+                break
+    return chosen_odometry(reader, map(FrameMoment.of, first), wanted), chain(first, frames)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

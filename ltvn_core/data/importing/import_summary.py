@@ -16,10 +16,10 @@ from ltvn_core.data.importing.drive_statistics import (
     NO_ODOMETRY,
     NO_TRUTH,
     STAMP_NOT_AFTER,
+    TOO_LITTLE_MOTION,
     Drift,
     DriveStatistics,
     TiltRange,
-    path_m,
 )
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
@@ -77,22 +77,17 @@ class ImportedCamera:
     is_lens_known: bool
     """Whether the lens is known; False if the field of view was assumed."""
 
-    @classmethod
-    def of(cls, camera: CameraModel, *, is_lens_known: bool) -> "ImportedCamera":
-        """Describe a camera."""
-        return cls(
-            width=camera.width,
-            height=camera.height,
-            fx=round(camera.fx, 3),
-            fy=round(camera.fy, 3),
-            cx=round(camera.cx, 3),
-            cy=round(camera.cy, 3),
-            horizontal_fov_deg=round(math.degrees(camera.horizontal_fov_rad), 2),
-            vertical_fov_deg=round(math.degrees(camera.vertical_fov_rad), 2),
-            height_m=round(camera.height_m, 3),
-            pitch_deg=round(math.degrees(camera.pitch_rad), 2),
-            is_lens_known=is_lens_known,
-        )
+
+def _described(camera: CameraModel, *, is_lens_known: bool) -> ImportedCamera:
+    return ImportedCamera(
+        width=camera.width,
+        height=camera.height,
+        **{name: round(getattr(camera, name), 3) for name in ("fx", "fy", "cx", "cy", "height_m")},
+        horizontal_fov_deg=round(math.degrees(camera.horizontal_fov_rad), 2),
+        vertical_fov_deg=round(math.degrees(camera.vertical_fov_rad), 2),
+        pitch_deg=round(math.degrees(camera.pitch_rad), 2),
+        is_lens_known=is_lens_known,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,10 +148,10 @@ def import_summary(
         dropped=found.dropped,
         without_depth=found.frames - found.with_depth,
         rates_hz={each.role: round(each.rate_hz, 2) for each in streams if each.role and each.rate_hz},
-        camera=ImportedCamera.of(camera, is_lens_known=found.is_lens_known),
+        camera=_described(camera, is_lens_known=found.preparation.is_lens_known),
         odometry=found.odometry,
         seconds=found.stamps[-1] - found.stamps[0],
-        path_m=path_m(found.poses) if coverage else None,
+        path_m=found.path_m if coverage else None,
         pieces_expected=coverage.pieces if coverage else None,
         largest_piece_expected=coverage.largest_share if coverage else None,
         revisited_share=coverage.revisited_share if coverage else None,
@@ -164,7 +159,7 @@ def import_summary(
         longest_gap_s=max(gaps_s, default=0.0),
         tilt=found.tilt,
         drift=found.drift,
-        findings=(*told, *drive_findings(found)),
+        findings=(*told, *(Finding(text, remedy=remedy) for holds, text, remedy in _rows(found) if holds)),
         next_step=(
             f"`ltvn build {recording} --output map.rrd` makes a map. Its `known_share` is the share of the drive that "
             "the map recognises; below 80 % it also lists where it fails, and likely causes."
@@ -191,11 +186,6 @@ def unread_text(facts: DriveFacts, role: str, otherwise: str) -> tuple[str, str]
     return f"; not read: {names}", " ".join(dict.fromkeys(stream.remedy or by_option for stream in unread))
 
 
-def drive_findings(drive: DriveStatistics) -> list[Finding]:
-    """Return what is doubtful about a drive, with the likely cause and advice, in the order of `_rows`."""
-    return [Finding(text, remedy=remedy) for is_doubtful, text, remedy in _rows(drive) if is_doubtful]
-
-
 def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
     """Yield each condition with its text and remedy; a text is complete only where its condition holds."""
     lens, lens_remedy = unread_text(drive.facts, "camera_info", "")
@@ -204,19 +194,20 @@ def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
         drive.facts, "odometry", "Name the odometry with --odometry, if the robot has it."
     )
     yield (
-        not drive.is_lens_known,
+        not drive.preparation.is_lens_known,
         f"The lens is unknown{lens}. A field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and distances will "
         f"be wrong if it differs: {HOW_TO}.",
         lens_remedy,
     )
+    width_px = drive.preparation.camera.width
     yield (
-        drive.width_px < NARROW_PX,
-        f"The images are {drive.width_px} pixels wide; below {NARROW_PX} pixels hardly any place is recognised, so a "
+        width_px < NARROW_PX,
+        f"The images are {width_px} pixels wide; below {NARROW_PX} pixels hardly any place is recognised, so a "
         "map may know only a small part of the drive.",
         "Record larger images if the camera can.",
     )
     yield (
-        not drive.is_depth_registered,
+        not drive.preparation.is_depth_registered,
         "The depth images are not registered to the colours; they were aligned by the two lenses alone, so depth is "
         "shifted by a few centimetres.",
         "Name a registered stream with --depth, if there is one.",
@@ -308,7 +299,7 @@ def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
     if (coverage := drive.coverage) is not None and drive.frames > 1:
         steps = np.diff(drive.poses, axis=0)
         apart = np.hypot(steps[:, 0], steps[:, 1]) > NEAR_M
-        apart |= np.abs(wrap_angle(steps[:, 2])) > drive.field_of_view_rad / 2
+        apart |= np.abs(wrap_angle(steps[:, 2])) > drive.preparation.camera.horizontal_fov_rad / 2
         yield (
             bool(apart.mean() > _APART_SHARE),
             f"{apart.sum()} of {len(apart)} images do not overlap with the one before: they are farther than {NEAR_M} "
@@ -323,7 +314,7 @@ def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
             "will be in pieces too. Are the gaps or jumps real?",
             "Drive the missing routes, and return to where you began.",
         )
-    wrong = drive.dropped_as_wrong
+    wrong = {reason: count for reason, count in drive.dropped.items() if reason != TOO_LITTLE_MOTION}
     causes = " ".join(filter(None, dict.fromkeys(_CAUSES.get(reason, _OTHER_CAUSE) for reason in wrong)))
     yield (
         causes != "" and sum(wrong.values()) > _DROPPED_SHARE * (drive.frames + sum(wrong.values())),
@@ -334,8 +325,9 @@ def _rows(drive: DriveStatistics) -> Iterator[tuple[bool, str, str]]:
 
 def _thinned(drive: DriveStatistics) -> str:
     """Return a note on how to keep more images; empty if none was left out for too little motion."""
-    if not drive.thinned:
+    thinned = drive.dropped.get(TOO_LITTLE_MOTION, 0)
+    if not thinned:
         return ""
     if drive.odometry is OdometrySource.NONE:
-        return f"{drive.thinned} were left out because the image had hardly changed. {_KEEP_ALL}"
-    return f"{drive.thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."
+        return f"{thinned} were left out because the image had hardly changed. {_KEEP_ALL}"
+    return f"{thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."

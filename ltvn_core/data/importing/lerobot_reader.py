@@ -36,13 +36,19 @@ class LerobotReader:
         self._dataset = LerobotDataset(folder)
         self._camera = options.camera or camera_beside(folder).camera
         self._rgb = self._image_feature(options.rgb, "--rgb", is_depth=False)
-        self._depth = self._depth_feature(options.depth)
+        has_depth = any(each.is_image and each.is_depth for each in self._dataset.features.values())
+        wants_depth = options.depth != NOTHING and (options.depth is not None or has_depth)
+        self._depth = self._image_feature(options.depth, "--depth", is_depth=True) if wants_depth else None
         if self._depth is not None and options.depth_unit_m is not None:
             self._depth = replace(self._depth, metres_per_unit=options.depth_unit_m)
         self._state, self._columns = self._pose_feature(options.odometry)
         self.dropped: Counter[str] = Counter()
         self.doubts: list[str] = []
-        self._episode = self._longest()
+        episodes = self._dataset.episodes
+        self._episode = max(episodes, key=lambda episode: (episode.length, -episode.number))
+        if len(episodes) > 1:
+            self.dropped[OTHER_EPISODE] = sum(episode.length for episode in episodes) - self._episode.length
+            self.doubts.append(f"Of {len(episodes)} episodes the longest was read, number {self._episode.number}.")
         rate = self._dataset.fps
         used = (("rgb", self._rgb), ("depth", self._depth), ("odometry", self._state))
         self.facts = DriveFacts(
@@ -71,8 +77,10 @@ class LerobotReader:
         last = -math.inf
         columns = ["timestamp", *(each.key for each in (self._rgb, self._depth) if each and each.dtype == "image")]
         columns += [] if self._state is None else [self._state.key]
-        rgb = self._video(self._rgb)
-        depth = self._video(self._depth)
+        rgb, depth = (
+            _Video(self._dataset, self._episode, each) if each is not None and each.dtype == "video" else None
+            for each in (self._rgb, self._depth)
+        )
         for row in self._dataset.rows(self._episode, columns):
             stamp = row["timestamp"]
             if not isinstance(stamp, int | float) or not last < stamp < math.inf:
@@ -81,7 +89,9 @@ class LerobotReader:
             try:
                 frame = self._frame(float(stamp), row, rgb, depth)
             except DriveError as error:
-                self._doubt_first(error)
+                if not self.dropped[DAMAGED]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped[DAMAGED] += 1
                 continue
             last = float(stamp)
             read += 1
@@ -95,22 +105,17 @@ class LerobotReader:
         name = f"{self._rgb.key} at {stamp:.3f}"
         image = decode_colour(self._blob(row, self._rgb), name) if rgb is None else rgb.colours(stamp)
         height, width = image.shape[:2]
+        depth_m = None if depth is None else depth.metres(stamp)
+        if depth is None and self._depth is not None:
+            blob, unit_m = self._blob(row, self._depth), self._depth.metres_per_unit
+            depth_m = decode_depth(blob, unit_m, f"{self._depth.key} at {stamp:.3f}")
         return RawFrame(
             stamp=stamp,
             rgb=image,
-            depth_m=self._metres(stamp, row, depth),
+            depth_m=depth_m,
             camera=None if self._camera is None else fitted(self._camera, width, height, name),
             odometry=self._pose(row),
             name=name,
-        )
-
-    def _metres(self, stamp: float, row: Mapping[str, Any], video: "_Video | None") -> Depth | None:
-        if self._depth is None:
-            return None
-        if video is not None:
-            return video.metres(stamp)
-        return decode_depth(
-            self._blob(row, self._depth), self._depth.metres_per_unit, f"{self._depth.key} at {stamp:.3f}"
         )
 
     def _blob(self, row: Mapping[str, Any], feature: Feature) -> bytes:
@@ -135,24 +140,6 @@ class LerobotReader:
             return None
         return pose if np.isfinite(pose).all() else None
 
-    def _video(self, feature: Feature | None) -> "_Video | None":
-        if feature is None or feature.dtype != "video":
-            return None
-        return _Video(self._dataset, self._episode, feature)
-
-    def _doubt_first(self, error: DriveError) -> None:
-        if not self.dropped[DAMAGED]:
-            self.doubts.append(f"An image was left out: {error}")
-        self.dropped[DAMAGED] += 1
-
-    def _longest(self) -> Episode:
-        episodes = self._dataset.episodes
-        longest = max(episodes, key=lambda episode: (episode.length, -episode.number))
-        if len(episodes) > 1:
-            self.dropped[OTHER_EPISODE] = sum(episode.length for episode in episodes) - longest.length
-            self.doubts.append(f"Of {len(episodes)} episodes the longest was read, number {longest.number}.")
-        return longest
-
     def _image_feature(self, asked: str | None, option: str, *, is_depth: bool) -> Feature:
         images = [each for each in self._dataset.features.values() if each.is_image]
         if asked is not None:
@@ -164,12 +151,6 @@ class LerobotReader:
             names = ", ".join(each.key for each in images) or "none"
             raise DriveError(f"{self._dataset.folder}: choose images with {option}; the data set has {names}.")
         return found[0]
-
-    def _depth_feature(self, asked: str | None) -> Feature | None:
-        depths = [each for each in self._dataset.features.values() if each.is_image and each.is_depth]
-        if asked == NOTHING or (asked is None and not depths):
-            return None
-        return self._image_feature(asked, "--depth", is_depth=True)
 
     def _pose_feature(self, asked: str | None) -> tuple[Feature | None, Sequence[int]]:
         """Return the column with the robot's pose, and the indices of x, y and yaw in it."""
@@ -198,7 +179,7 @@ class _Video:
         self._decoding = video_frames
         self._feature = feature
         self._period_s = 1 / dataset.fps
-        begin, end = dataset.video_span(feature.key, episode)
+        begin, end = dataset.layout.video_span(feature.key, episode)
         self._part = video_frames.VideoPart(dataset.video(feature.key, episode), begin, end)
         self._images = video_frames.video_images(self._part, self._period_s)
         self._current: Any = None

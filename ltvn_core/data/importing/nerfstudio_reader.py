@@ -62,11 +62,7 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_nerfstudio(path: Path) -> bool:
-    return (path / LIST).is_file()
-
-
-NERFSTUDIO = FolderFormat(_is_nerfstudio, _listed_drive)
+NERFSTUDIO = FolderFormat(lambda path: (path / LIST).is_file(), _listed_drive)
 """Folders with a `transforms.json`."""
 
 

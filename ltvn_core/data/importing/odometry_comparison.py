@@ -166,7 +166,11 @@ class OdometryComparison:
             # A slow motion adds up, while the view before stays the one to compare with.
             return motion.shift >= _MOVED_SHIFT
         turn = float(wrap_angle(view.pose[2] - last.pose[2]))
-        if abs(_aside_m(last.pose, view.pose)) <= _ASIDE_M + _ARM_M * abs(turn):
+        # The motion across the heading halfway between both poses, to the left.
+        heading = last.pose[2] + turn / 2
+        gap = view.pose - last.pose
+        aside_m = float(np.cos(heading) * gap[1] - np.sin(heading) * gap[0])
+        if abs(aside_m) <= _ASIDE_M + _ARM_M * abs(turn):
             motion = image_motion(last, view)
             self._pairs.append(_Pair(last.stamp, view.stamp, turn, None if motion is None else motion.turn_rad))
             if abs(turn) >= 2 * _TURNING_RAD and motion is not None and motion.shift <= _SAME_SHIFT:
@@ -174,16 +178,9 @@ class OdometryComparison:
         return True
 
     def _is_mirrored(self) -> bool:
-        turns = np.array(
-            [
-                (pair.turn, pair.seen)
-                for pair in self._pairs
-                if pair.seen is not None and abs(pair.turn) >= _TURNING_RAD and abs(pair.seen) >= _SEEN_TURNING_RAD
-            ]
-        )
-        if len(turns) < _LEAST_TURNS:
-            return False
-        return float((turns[:, 0] * turns[:, 1] < 0).mean()) >= _OPPOSITE_SHARE
+        turns = np.array([(pair.turn, pair.seen) for pair in self._pairs if pair.seen is not None]).reshape(-1, 2)
+        turns = turns[(np.abs(turns) >= (_TURNING_RAD, _SEEN_TURNING_RAD)).all(axis=1)]
+        return len(turns) >= _LEAST_TURNS and float((turns.prod(axis=1) < 0).mean()) >= _OPPOSITE_SHARE
 
     def _shift_s(self) -> float | None:
         """Return by how many seconds odometry is late; None if it fits best as it is, or nothing shows it."""
@@ -202,13 +199,6 @@ class OdometryComparison:
 
 def _stands(before: Pose, now: Pose) -> bool:
     return bool(np.abs(now - before).max() <= _STANDING)
-
-
-def _aside_m(before: Pose, now: Pose) -> float:
-    """Return the motion across the heading halfway between two poses, to the left."""
-    heading = before[2] + wrap_angle(now[2] - before[2]) / 2
-    gap = now - before
-    return float(np.cos(heading) * gap[1] - np.sin(heading) * gap[0])
 
 
 def _extend(stretches: list[_Stretch], begin: float, end: float) -> None:

@@ -29,7 +29,12 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     """Read the lists, but no image. Raises DriveError."""
     listed = {name: numbers[0] for name, numbers in _rows(folder / STAMPS, columns=1).items()}
     stamps = dict(sorted(listed.items(), key=lambda item: item[1]))
-    lenses = _rows(folder / LENSES, columns=6) if (folder / LENSES).is_file() else {}
+    lenses = {
+        name: FileLens(source=LENSES, fx=fx, fy=fy, cx=cx, cy=cy, size=(int(width), int(height)))
+        for name, (fx, fy, cx, cy, width, height) in (
+            _rows(folder / LENSES, columns=6) if (folder / LENSES).is_file() else {}
+        ).items()
+    }
     track = _track(folder / POSES, stamps)
     rate = rate_hz(list(stamps.values()))
     return FileDrive(
@@ -40,7 +45,7 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
                 colour=name,
                 moment=FrameMoment.with_truth(stamp, track.at(stamp)),
                 depth=_depth_beside(folder, name),
-                lens=_lens(*lenses[name]).camera if name in lenses else None,
+                lens=lenses[name].camera if name in lenses else None,
             )
             for name, stamp in stamps.items()
         ],
@@ -48,16 +53,8 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_map(path: Path) -> bool:
-    return all((path / name).is_file() for name in (POSES, STAMPS, LENSES))
-
-
-OPENNAVMAP = FolderFormat(_is_map, _listed_drive)
+OPENNAVMAP = FolderFormat(lambda path: all((path / name).is_file() for name in (POSES, STAMPS, LENSES)), _listed_drive)
 """Maps of OpenNavMap, read as the drive from which they were made."""
-
-
-def _lens(fx: float, fy: float, cx: float, cy: float, width: float, height: float) -> FileLens:
-    return FileLens(source=LENSES, fx=fx, fy=fy, cx=cx, cy=cy, size=(int(width), int(height)))
 
 
 def _depth_beside(folder: Path, name: str) -> str | None:

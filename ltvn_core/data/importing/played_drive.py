@@ -9,7 +9,6 @@ files, and `frame_preparation` fits the camera.
 import logging
 import math
 import threading
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -18,7 +17,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.frame_preparation import FramePreparation
-from ltvn_core.data.importing.import_options import FramesWithOdometry, OdometrySource
+from ltvn_core.data.importing.import_options import OdometrySource, frames_with_odometry
 from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import DriveError, ImageError
@@ -30,7 +29,7 @@ from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
 from ltvn_core.robots.robot_report import RobotReport, TopicReport, fit_floor, robot_findings
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
 _FROM_TREE = "tf"
 _LOG = logging.getLogger(__name__)
@@ -52,7 +51,12 @@ class NamedDrive(NamedTuple):
 
     def open(self) -> DriveReader:
         """Open the drive for reading, with the topics of the profile. Raises DriveError."""
-        return open_drive(self.path, options=None if self.profile is None else _options(self.profile))
+        if self.profile is None:
+            return open_drive(self.path)
+        topics = self.profile.topics
+        odometry = topics.odometry or _FROM_TREE
+        named = ReadOptions(rgb=topics.colour, depth=topics.depth, odometry=odometry, camera_info=topics.camera_info)
+        return open_drive(self.path, options=named)
 
     def mounted(self, raw: RawFrame) -> RawFrame:
         """Return a frame with the camera's mounting from the profile."""
@@ -66,16 +70,6 @@ class NamedDrive(NamedTuple):
         unknown = replace(LOCOBOT, height_m=max(LOCOBOT.height_m, camera.height_m))
         spec = unknown if self.profile is None else self.profile.spec(camera)
         return replace(spec, name=f"{self.path.name} (recorded)", camera=camera)
-
-
-def _options(profile: RobotProfile) -> ReadOptions:
-    topics = profile.topics
-    return ReadOptions(
-        rgb=topics.colour,
-        depth=topics.depth,
-        odometry=topics.odometry or _FROM_TREE,
-        camera_info=topics.camera_info,
-    )
 
 
 def open_robot(wanted: str) -> Robot:
@@ -122,16 +116,17 @@ class PlayedDrive:
             "goals. `ltvn robot check --map` shows where the drive went."
         )
         """Reason why commands have no effect."""
-        self.odometry, frames = FramesWithOdometry.of(reader)
+        self.odometry, frames = frames_with_odometry(reader)
         """Source of its odometry."""
-        self._frames = (drive.mounted(raw) for raw in frames if self.odometry.pose(FrameMoment.of(raw)) is not None)
+        posed = ((raw, self.odometry.pose(FrameMoment.of(raw))) for raw in frames)
+        self._frames = ((drive.mounted(raw), pose) for raw, pose in posed if pose is not None)
         self._lock = threading.RLock()
         self._looks = 0
         self._begun_s = 0.0
         self._told = False
-        self._observation, self._seen_s = self._first(self._frames)
-        self._raw: RawFrame | None = None
-        """The newest frame, until it is observed."""
+        self._observation, self._seen_s = self._first()
+        self._newest: tuple[RawFrame, Pose] | None = None
+        """The newest frame and its pose, until it is observed."""
         self._pose = self._observation.odometry
         self._next = next(self._frames, None)
 
@@ -145,7 +140,7 @@ class PlayedDrive:
         """Whether the last image was observed."""
         with self._lock:
             self._play()
-            return self._looks > 1 and self._raw is None and self._next is None
+            return self._looks > 1 and self._newest is None and self._next is None
 
     def observe(self) -> Observation:
         """Return the latest image that is due at the recorded pace."""
@@ -154,10 +149,14 @@ class PlayedDrive:
             if self._looks == 2:
                 self._begun_s = self.clock.now()
             self._play()
-            if self._raw is not None:
-                raw = self._raw
-                self._raw = None
-                self._look(raw)
+            if self._newest is not None:
+                raw, pose = self._newest
+                self._newest = None
+                step = max(self._observation.step + 1, int((raw.stamp - self._seen_s) / CONTROL_STEP_S))
+                try:
+                    self._observation = self._prepared(raw, pose, step=step, begun_s=self._seen_s)
+                except ImageError as error:
+                    _LOG.warning("An image was left out: %s", error)
             return self._observation
 
     def state(self) -> RobotState:
@@ -181,39 +180,27 @@ class PlayedDrive:
         """Seconds since the first image."""
         return self.clock.now() - self._begun_s if self._looks > 1 else 0.0
 
-    def _first(self, frames: Iterator[RawFrame]) -> tuple[Observation, float]:
+    def _first(self) -> tuple[Observation, float]:
         """Return the first usable image and its stamp, and set up the preparation of frames."""
         fault = ""
-        for raw in frames:
+        for raw, pose in self._frames:
             try:
                 self._preparation = FramePreparation(raw)
-                return self._prepared(raw, step=0, begun_s=raw.stamp), raw.stamp
+                return self._prepared(raw, pose, step=0, begun_s=raw.stamp), raw.stamp
             except ImageError as error:
                 fault = fault or f" {error}"
         raise DriveError(f"None of the images of {self._name} can be used.{fault}")
 
     def _play(self) -> None:
         """Read the frames that are due, and keep the newest."""
-        while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
-            self._raw = self._next
-            pose = self.odometry.pose(FrameMoment.of(self._raw))
-            assert pose is not None  # `_frames` has only frames with a pose.
-            self._pose = pose
+        while self._next is not None and self._next[0].stamp - self._seen_s <= self._now_s:
+            self._newest = self._next
+            self._pose = self._next[1]
             self._next = next(self._frames, None)
             if self._next is None:
                 _LOG.info("%s is over; its last image stays.", self._name)
 
-    def _look(self, raw: RawFrame) -> None:
-        """Prepare a frame as the current observation; a frame that cannot be used is left out."""
-        step = max(self._observation.step + 1, int((raw.stamp - self._seen_s) / CONTROL_STEP_S))
-        try:
-            self._observation = self._prepared(raw, step=step, begun_s=self._seen_s)
-        except ImageError as error:
-            _LOG.warning("An image was left out: %s", error)
-
-    def _prepared(self, raw: RawFrame, *, step: int, begun_s: float) -> Observation:
-        pose = self.odometry.pose(FrameMoment.of(raw))
-        assert pose is not None  # As above.
+    def _prepared(self, raw: RawFrame, pose: Pose, *, step: int, begun_s: float) -> Observation:
         prepared = self._preparation.observation(raw, step=step, odometry=pose)
         return replace(prepared, stamp=raw.stamp - begun_s, exact_pose=None)
 
@@ -224,10 +211,26 @@ def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
     camera = robot.spec.camera
     seen = robot.observe()
     reader = drive.open()
+    stamps: list[float] = []
+    for raw in reader.frames():
+        stamps.append(raw.stamp)
+        if raw.stamp - stamps[0] >= seconds:
+            break
+    gap_s = float(np.diff(stamps).max()) if len(stamps) > 1 else None
+    found: list[Finding] = []
+    if robot.odometry is OdometrySource.NONE:
+        found.append(Finding("It has no odometry: every image seems to be taken at one place."))
+    if reader.dropped:
+        counts = ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items())
+        found.append(Finding(f"Left out: {counts}."))
     report = RobotReport(
         robot=robot.spec.name,
         address="",
-        topics=_watch(reader, seconds),
+        topics=tuple(  # Those in use; for images with the longest gap in the first seconds.
+            TopicReport(stream.name, stream.rate_hz, gap_s if stream.role == "rgb" else None, ())
+            for stream in reader.facts.streams
+            if stream.role in ("rgb", "depth", "odometry") and stream.rate_hz is not None
+        ),
         image=f"{camera.width} x {camera.height}",
         field_of_view_deg=(math.degrees(camera.horizontal_fov_rad), math.degrees(camera.vertical_fov_rad)),
         depth_share=0.0 if seen.depth is None else float(np.mean(seen.depth > 0)),
@@ -236,29 +239,4 @@ def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
         commands_taken=False,
         driving=None,
     )
-    return replace(
-        report, findings=(*robot_findings(report), *_findings(reader, robot.odometry), *findings_of(reader.doubts))
-    )
-
-
-def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
-    """Return a report on the streams in use; for images it includes the longest gap in the first seconds."""
-    stamps: list[float] = []
-    for raw in reader.frames():
-        stamps.append(raw.stamp)
-        if raw.stamp - stamps[0] >= seconds:
-            break
-    gap_s = float(np.diff(stamps).max()) if len(stamps) > 1 else None
-    return tuple(
-        TopicReport(stream.name, stream.rate_hz, gap_s if stream.role == "rgb" else None, ())
-        for stream in reader.facts.streams
-        if stream.role in ("rgb", "depth", "odometry") and stream.rate_hz is not None
-    )
-
-
-def _findings(reader: DriveReader, odometry: OdometrySource) -> Iterator[Finding]:
-    if odometry is OdometrySource.NONE:
-        yield Finding("It has no odometry: every image seems to be taken at one place.")
-    if reader.dropped:
-        counts = ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items())
-        yield Finding(f"Left out: {counts}.")
+    return replace(report, findings=(*robot_findings(report), *found, *findings_of(reader.doubts)))

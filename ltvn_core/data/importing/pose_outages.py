@@ -61,17 +61,13 @@ class PoseOutages:
             yield f"{len(self._bad)} poses of {self._source} are {said}; they are left out."
         longest = sorted(self._outages, key=lambda outage: -outage.images)[:_MOST_OUTAGES]
         for outage in sorted(longest, key=lambda outage: outage.begin):
-            yield self._sentence(outage)
+            assert self._begin is not None  # There was an image.
+            begin, end = outage.begin - self._begin, outage.end - self._begin
+            when = f"from {begin:.1f} s to {end:.1f} s" if outage.images > 1 else f"at {begin:.1f} s"
+            yield f"{outage.images} images {when} of the drive have no pose: {self._source} {self._cause(outage)}."
         if others := len(self._outages) - len(longest):
             images = sum(each.images for each in self._outages) - sum(each.images for each in longest)
             yield f"{images} images without a pose lie in {others} shorter outages of {self._source}."
-
-    def _sentence(self, outage: _Outage) -> str:
-        assert self._begin is not None
-        begin = outage.begin - self._begin
-        when = f"from {begin:.1f} s to {outage.end - self._begin:.1f} s" if outage.images > 1 else f"at {begin:.1f} s"
-        cause = self._cause(outage)
-        return f"{outage.images} images {when} of the drive have no pose: {self._source} {cause}."
 
     def _cause(self, outage: _Outage) -> str:
         good, stamps = sorted(self._good), sorted(stamp for stamp, _ in self._bad)

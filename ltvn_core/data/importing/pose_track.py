@@ -89,23 +89,17 @@ class PoseTrack:
     def at(self, stamp: float) -> SpatialPose | None:
         """Return the pose at a time, interpolated between samples; None if there is no sample nearby."""
         after = int(np.searchsorted(self.stamps, stamp))
-        if after < len(self.stamps) and self.stamps[after] == stamp:
-            return self._sample(after)
-        if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > self._largest_gap_s:
-            return self._nearest(stamp)
-        before_s = self.stamps[after - 1]
-        after_s = self.stamps[after]
-        share = (stamp - before_s) / (after_s - before_s)
         around = slice(after - 1, after + 1)
+        is_exact = after < len(self.stamps) and self.stamps[after] == stamp
+        if is_exact or not 0 < after < len(self.stamps) or np.ptp(self.stamps[around]) > self._largest_gap_s:
+            place = after if is_exact else int(np.argmin(np.abs(self.stamps - stamp)))
+            if abs(self.stamps[place] - stamp) > _BESIDE_S:
+                return None
+            return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
+        before_s, after_s = self.stamps[around]
+        share = (stamp - before_s) / (after_s - before_s)
         pose = pose_between(self._positions[around], self._rotations[around], share)
         return spatial_pose(pose[:3, 3], pose[:3, :3])
-
-    def _nearest(self, stamp: float) -> SpatialPose | None:
-        place = int(np.argmin(np.abs(self.stamps - stamp)))
-        return self._sample(place) if abs(self.stamps[place] - stamp) <= _BESIDE_S else None
-
-    def _sample(self, place: int) -> SpatialPose:
-        return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
 
 
 def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None = None) -> StampedPoses:
@@ -157,7 +151,10 @@ class PicturePoses:
         missing. `up_axis` is as in `PoseTrack`."""
         self.name = name
         """Name of the file or folder with the poses."""
-        known = _are_rigid(matrices)
+        known = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
+        turns = np.zeros((len(matrices), 3, 3))
+        turns[known] = matrices[known, :3, :3]
+        known &= are_rotations(turns, _RIGID_TOLERANCE)
         self.missing = int(len(known) - known.sum())
         """Number of pictures without a pose."""
         places = np.flatnonzero(known)
@@ -165,14 +162,12 @@ class PicturePoses:
         self._places = set(places.tolist())
         self._track = None
         if len(good):
-            turns = Rotation.from_matrix(good[:, :3, :3])
-            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], turns, up_axis=up_axis)
+            rotations = Rotation.from_matrix(good[:, :3, :3])
+            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], rotations, up_axis=up_axis)
 
     def at(self, place: int) -> SpatialPose | None:
         """Return the pose of a picture by its index; None if it has none."""
-        if self._track is None or place not in self._places:
-            return None
-        return self._track.at(place)
+        return self._track.at(place) if self._track is not None and place in self._places else None
 
     def __len__(self) -> int:
         """Return the number of pictures with a pose."""
@@ -205,19 +200,16 @@ def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
     by_number = {_number(path): path for path in listed if path.is_file()}
     if not any(_number(picture) in by_number for picture in pictures):
         return None
-    matrices = [_matrix(by_number.get(_number(picture))) for picture in pictures]
-    return PicturePoses(np.array(matrices), where)
+    no_pose = [np.nan] * _NUMBERS
+    held = [_numbers(path) if (path := by_number.get(_number(picture))) else no_pose for picture in pictures]
+    # A file without a matrix counts as no pose.
+    matrices = [numbers if len(numbers) == _NUMBERS else no_pose for numbers in held]
+    return PicturePoses(np.array(matrices).reshape(-1, 4, 4), where)
 
 
 def _number(path: Path) -> int | None:
     found = _FIRST_NUMBER.search(path.name)
     return None if found is None else int(found.group()[:18])
-
-
-def _matrix(path: Path | None) -> NDArray[np.float64]:
-    """Return the matrix (4, 4) of a file; NaN if the picture has no file or the file no matrix."""
-    numbers = [] if path is None else _numbers(path)
-    return np.array(numbers if len(numbers) == _NUMBERS else [np.nan] * _NUMBERS).reshape(4, 4)
 
 
 def _rows(path: Path, count: int) -> NDArray[np.float64]:
@@ -237,11 +229,3 @@ def _numbers(path: Path) -> list[float]:
         raise DriveError(
             f"{path} cannot be read as poses ({error!s:.80}); it needs 4 x 4 numbers, camera to world."
         ) from error
-
-
-def _are_rigid(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell (N,) which of the matrices (N, 4, 4) are finite and rigid."""
-    finite = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
-    turns = np.zeros((len(matrices), 3, 3))
-    turns[finite] = matrices[finite, :3, :3]
-    return finite & are_rotations(turns, _RIGID_TOLERANCE)

@@ -43,9 +43,15 @@ def open_drive(path: Path | str, name: str = AUTO, options: ReadOptions | None =
     path = Path(path)
     if not path.exists():
         raise DriveError(f"There is no file or folder {path}.")
-    plugins = _recognising(path) if name == AUTO else iter([_named(name)])
+    readers = _readers()
+    if name not in (AUTO, *readers):
+        raise DriveError(f"No reader is called {name!r}; there are {AUTO}, {', '.join(readers)}.")
+    plugins = _recognising(path) if name == AUTO else iter([readers[name]])
     for plugin in plugins:
-        _require_own_files(path)
+        try:
+            require_own_files(path)
+        except OSError as error:
+            raise DriveError(f"{path} cannot be looked through ({error!s:.120}); change its permissions.") from error
         try:
             return open_with(plugin, path, options or ReadOptions())
         except PluginError as error:
@@ -62,13 +68,6 @@ def open_with(plugin: Plugin, path: Path, options: ReadOptions) -> DriveReader:
         return reader.open(path, options)
     with plugin.running(f"could not open {path}"):
         return guarded_reader(plugin, reader.open(path, options))
-
-
-def _require_own_files(path: Path) -> None:
-    try:
-        require_own_files(path)
-    except OSError as error:
-        raise DriveError(f"{path} cannot be looked through ({error!s:.120}); change its permissions.") from error
 
 
 def is_drive(path: Path) -> bool:
@@ -126,19 +125,15 @@ def _refusal(path: Path) -> DriveError:
         return DriveError(f"{path} is empty (0 bytes); copy or record it again.")
     if path.is_dir() and not any(path.iterdir()):
         return DriveError(f"{path} is an empty folder; name the file or folder of one drive.")
-    if path.is_dir() and _has_lone_picture(path):
+    from ltvn_core.data.importing.folder_reader import most_pictures  # A reader is imported only when it is needed.
+
+    if path.is_dir() and most_pictures(path) == 1:
         return DriveError(f"{path} holds one picture, and a drive has at least two; name the folder of all its images.")
     require_plain(path)  # No reader may recognise a Git LFS pointer as the file that it stands for.
     return DriveError(
         f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and its format with --format if it was not recognised."
     )
-
-
-def _has_lone_picture(path: Path) -> bool:
-    from ltvn_core.data.importing.folder_reader import most_pictures  # A reader is imported only when it is needed.
-
-    return most_pictures(path) == 1
 
 
 def _drives_in(path: Path) -> list[Path]:
@@ -151,13 +146,6 @@ def _drives_in(path: Path) -> list[Path]:
     found = {each: recognised_format(each) for each in sorted(islice(path.iterdir(), _MOST_ENTRIES))}
     drives = [each for each, name in found.items() if name is not None]
     return sorted(drives, key=lambda each: (found[each] == LAST and 1 + (not shows_colours(each)), each))
-
-
-def _named(name: str) -> Plugin:
-    readers = _readers()
-    if name not in readers:
-        raise DriveError(f"No reader is called {name!r}; there are {AUTO}, {', '.join(readers)}.")
-    return readers[name]
 
 
 def load_reader(plugin: Plugin) -> ReaderClass:

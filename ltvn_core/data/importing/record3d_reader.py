@@ -34,7 +34,10 @@ _DECODING = (
 
 def _listed_drive(path: Path, options: ReadOptions) -> FileDrive:
     """Read the metadata, but no image. Raises DriveError."""
-    archive = _archive(path) if path.is_file() else None
+    try:
+        archive = zipfile.ZipFile(path) if path.is_file() else None
+    except (OSError, zipfile.BadZipFile) as error:
+        raise DriveError(f"{path} is no whole .r3d file ({error!s:.120}); copy it again.") from error
 
     def has(name: str) -> bool:
         return (path / name).is_file() if archive is None else name in archive.NameToInfo
@@ -89,13 +92,6 @@ def _is_recording(path: Path) -> bool:
 
 RECORD3D = FolderFormat(_is_recording, _listed_drive)
 """Recordings of Record3D: `.r3d` files, or the folders unpacked from them."""
-
-
-def _archive(path: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(path)
-    except (OSError, zipfile.BadZipFile) as error:
-        raise DriveError(f"{path} is no whole .r3d file ({error!s:.120}); copy it again.") from error
 
 
 def _is_metadata(path: Path) -> bool:

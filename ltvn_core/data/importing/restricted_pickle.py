@@ -72,33 +72,23 @@ class _Depths:
         if step.name == "MARK":
             self._stack.append(_MARK)
         elif step.name in _READ:
-            self._read(step.name, argument)
+            value = self._top() if step.name == "DUP" else self._memory.get(int(argument))
+            if value is None:
+                raise ValueError("it reads a memo that was never written")
+            value.is_shared = True
+            self._stack.append(value)
         elif step.name in _REMEMBER:
             self._memory[len(self._memory) if step.name == "MEMOIZE" else int(argument)] = self._top()
         elif step.name in _FILL:
-            self._fill(step)
+            within = self._taken(step.stack_before[1:])
+            target = self._top()
+            if target.is_shared:
+                # Containers that hold it would become deeper without being checked, and it could end up inside itself.
+                raise ValueError("it changes a value that is already stored elsewhere")
+            target.levels = max(target.levels, _around(within))
         else:
-            self._make(step)
-
-    def _read(self, name: str, argument: Any) -> None:
-        value = self._top() if name == "DUP" else self._memory.get(int(argument))
-        if value is None:
-            raise ValueError("it reads a memo that was never written")
-        value.is_shared = True
-        self._stack.append(value)
-
-    def _fill(self, step: pickletools.OpcodeInfo) -> None:
-        within = self._taken(step.stack_before[1:])
-        target = self._top()
-        if target.is_shared:
-            # Containers that hold it would become deeper without being checked, and it could end up inside itself.
-            raise ValueError("it changes a value that is already stored elsewhere")
-        target.levels = max(target.levels, _around(within))
-
-    def _make(self, step: pickletools.OpcodeInfo) -> None:
-        within = self._taken(step.stack_before)
-        if step.stack_after:
-            self._stack.append(_Value(_around(within)))
+            within = self._taken(step.stack_before)
+            self._stack += [_Value(_around(within))] if step.stack_after else []
 
     def _taken(self, wanted: Sequence[pickletools.StackObject]) -> list[_Value]:
         """Remove the operands of a step from the stack: a fixed number, or everything above the last mark."""
@@ -161,23 +151,10 @@ class _Marker:
     """Replacement for numpy's array class, which could allocate any size."""
 
 
-def _empty_array(subtype: object, shape: object, dtype: object) -> np.ndarray:
-    """Return the empty array with which numpy's pickles begin; their state then fills it."""
-    return np.empty(0, np.int8)
-
-
-def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -> np.ndarray:
-    return np.frombuffer(buffer, dtype=dtype).reshape(shape, order="F" if order == "F" else "C")
-
-
 def _dtype(text: object, *_: object) -> np.dtype:
     if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
         raise pickle.UnpicklingError(f"{text!r:.20} is not a type of numbers")
     return np.dtype(text, copy=True)  # A copy, because the pickle's state may change it.
-
-
-def _scalar(dtype: np.dtype, data: bytes) -> Any:
-    return np.frombuffer(data, dtype=dtype, count=1)[0]
 
 
 def _latin(text: str, encoding: str) -> bytes:
@@ -189,9 +166,12 @@ def _latin(text: str, encoding: str) -> bytes:
 _ALLOWED: dict[str, Callable[..., Any]] = {
     "numpy.ndarray": _Marker,
     "numpy.dtype": _dtype,
-    "numpy._core.multiarray._reconstruct": _empty_array,
-    "numpy._core.multiarray.scalar": _scalar,
-    "numpy._core.numeric._frombuffer": _array,
+    # The empty array with which numpy's pickles begin; their state then fills it.
+    "numpy._core.multiarray._reconstruct": lambda subtype, shape, dtype: np.empty(0, np.int8),
+    "numpy._core.multiarray.scalar": lambda dtype, data: np.frombuffer(data, dtype=dtype, count=1)[0],
+    "numpy._core.numeric._frombuffer": lambda buffer, dtype, shape, order: np.frombuffer(buffer, dtype=dtype).reshape(
+        shape, order="F" if order == "F" else "C"
+    ),
     "_codecs.encode": _latin,
     "collections.OrderedDict": OrderedDict,
 }

@@ -3,10 +3,10 @@
 Owns the names of bag files, and their order.
 """
 
-import re
 from pathlib import Path
 
 from ltvn_core.data.importing.raw_frame import DriveReader, ReadOptions
+from ltvn_core.data.importing.stamped_lists import natural_order
 from ltvn_core.errors import DriveError
 from ltvn_core.extras import naming_the_extra
 
@@ -30,8 +30,8 @@ class RosbagReader:
     def open(cls, path: Path, options: ReadOptions) -> DriveReader:
         """Open a bag. Raises DriveError, and MissingLibraryError without the library."""
         with naming_the_extra():
-            from ltvn_core.data.importing.rosbag.drive_reader import open_bag
-        return open_bag(path, _bag_files(path), options)
+            from ltvn_core.data.importing.rosbag.drive_reader import BagDrive
+        return BagDrive(path, _bag_files(path), options)
 
 
 def _named_as_bag(path: Path) -> list[Path]:
@@ -48,7 +48,7 @@ def _plain_suffix(file: Path) -> str:
 def _bag_files(path: Path) -> list[Path]:
     """Return the files of a bag in the order in which they were written. Raises DriveError if there are none."""
     try:
-        found = sorted(_named_as_bag(path), key=_natural_order)
+        found = sorted(_named_as_bag(path), key=lambda file: natural_order(file.name))
     except OSError as error:
         raise DriveError(f"{path} cannot be read ({error.strerror}).") from error
     kinds = {_plain_suffix(file) for file in found}
@@ -57,8 +57,3 @@ def _bag_files(path: Path) -> list[Path]:
     if len(kinds) > 1:
         raise DriveError(f"{path} contains bags of several kinds ({', '.join(sorted(kinds))}); name one of its files.")
     return found
-
-
-def _natural_order(file: Path) -> list[tuple[int, str]]:
-    """Return a sort key that puts `bag_10.mcap` after `bag_9.mcap`."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"([0-9]{1,18})", file.name)]

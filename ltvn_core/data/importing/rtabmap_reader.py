@@ -118,9 +118,8 @@ class RtabmapReader:
                 f"{name} has {len(rig)} cameras, counted from 0, and --rgb asks for {self._camera_number}."
             )
         if len(rig) > 1 and self._options.rgb is None:
-            self._doubt_once(
-                f"Each node has {len(rig)} cameras side by side; the first was read. Choose with --rgb 0, 1 ..."
-            )
+            doubt = f"Each node has {len(rig)} cameras side by side; the first was read. Choose with --rgb 0, 1 ..."
+            self.doubts += [doubt] if doubt not in self.doubts else []
         return rig
 
     def _lens(
@@ -176,10 +175,6 @@ class RtabmapReader:
             "evaluation, but not measured."
         )
         return optimised
-
-    def _doubt_once(self, sentence: str) -> None:
-        if sentence not in self.doubts:
-            self.doubts.append(sentence)
 
 
 def _camera_number(said: str | None) -> int:

@@ -9,7 +9,7 @@ are not interpreted.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,39 +88,38 @@ def read_camera_file(path: Path) -> CameraFile:
     a smaller one in metres per unit. A focal length of null means that the lens is unknown. Raises DriveError for an
     invalid file.
     """
+    return _described(path, lambda said: said, "width, height, fx, fy, cx and cy in pixels")
+
+
+def _described(path: Path, fields_of: Callable[[Any], dict[str, Any]], needs: str) -> CameraFile:
+    """Return what a JSON file says, whose object `fields_of` turns into the fields of a `camera.json`."""
     try:
-        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
+        fields = fields_of(parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what=path.name)))
         if not isinstance(fields, dict):
             raise ValueError("it is not a JSON object")
-        return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
+        scale = _positive(fields, "depth_scale")
+        unit_m = 1 / scale if scale is not None and scale > 1 else scale
+        return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), unit_m)
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
-            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
-            "and cy in pixels. Correct it, or remove it and use --camera."
+            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs {needs}. Correct it, or "
+            "remove it and use --camera."
         ) from error
 
 
 def camera_beside(folder: Path) -> CameraFile:
     """Read the `camera.json` of a folder, or Replica's own file; without either, all fields are None. Raises
     DriveError."""
-    path = folder / CAMERA_FILE
-    if path.is_file():
-        return read_camera_file(path)
-    replica = folder / REPLICA_FILE
-    return _replica_camera(replica) if replica.is_file() else CameraFile(None, None, None)
+    if (folder / CAMERA_FILE).is_file():
+        return read_camera_file(folder / CAMERA_FILE)
+    if (folder / REPLICA_FILE).is_file():
+        return _described(folder / REPLICA_FILE, _of_replica, "w, h, fx, fy, cx, cy and scale under camera")
+    return CameraFile(None, None, None)
 
 
-def _replica_camera(path: Path) -> CameraFile:
-    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError if it is invalid."""
-    try:
-        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
-        named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
-        return CameraFile(_file_camera(named), None, _depth_unit(named))
-    except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
-        raise DriveError(
-            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
-            "scale under camera. Correct it, or remove it and use --camera."
-        ) from error
+def _of_replica(said: Any) -> dict[str, Any]:
+    fields = said["camera"]
+    return {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
 
 
 def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
@@ -176,11 +175,6 @@ def _camera(
         distortion=tuple(distortion),
         **mounting,
     )
-
-
-def _depth_unit(fields: dict[str, Any]) -> float | None:
-    scale = _positive(fields, "depth_scale")
-    return None if scale is None else (1 / scale if scale > 1 else scale)
 
 
 def _positive(fields: dict[str, Any], name: str) -> float | None:

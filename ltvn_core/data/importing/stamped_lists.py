@@ -11,7 +11,6 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,20 +68,14 @@ def list_lines(path: Path, what: str) -> Iterator[tuple[int, str, list[str]]]:
             yield number, line, words
 
 
-class StampedLines(NamedTuple):
-    """Stamps in order, each with the rest of its line."""
-
-    rows: Sequence[tuple[float, list[str]]]
-    """Stamps in seconds, in increasing order, each with the words that follow it."""
-    doubt: str | None
-    """Note that the stamps of the file are not in seconds; None if they are."""
-
-
-def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None) -> StampedLines:
-    """Return the stamps of a text file with the words that follow them, in the order of the stamps.
+def stamped_lines(
+    path: Path, *, least_columns: int, unit_s: float | None = None
+) -> tuple[list[tuple[float, list[str]]], str | None]:
+    """Return the stamps of a text file in seconds, in increasing order, each with the words that follow it.
 
     Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; if it is None, a unit of a
-    millisecond or less is recognised by the size of the stamps. Raises DriveError that names the first invalid line.
+    millisecond or less is recognised by the size of the stamps, and returned as a doubt in a sentence. Raises
+    DriveError that names the first invalid line.
     """
     lines: list[tuple[float, list[str]]] = []
     for number, line, words in list_lines(path, "list of images or poses"):
@@ -97,18 +90,12 @@ def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None
             )
         lines.append((stamp, words[1:]))
     rows = sorted(lines, key=lambda line: line[0])
-    if unit_s is not None:
-        return StampedLines([(stamp * unit_s, words) for stamp, words in rows], None)
-    return _in_seconds(rows, path)
-
-
-def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines:
+    doubt = None
     middle = abs(rows[len(rows) // 2][0]) if rows else 0.0
-    if middle < _SECONDS_BELOW:
-        return StampedLines(rows, None)
-    name, unit_s = next((each for each in _UNITS if middle * each[1] < _SECONDS_BELOW), _UNITS[-1])
-    doubt = f"The stamps of {path.name} are too large for seconds ({middle:.0f}), and were read as {name}."
-    return StampedLines([(stamp * unit_s, words) for stamp, words in rows], doubt)
+    if unit_s is None and middle >= _SECONDS_BELOW:
+        name, unit_s = next((each for each in _UNITS if middle * each[1] < _SECONDS_BELOW), _UNITS[-1])
+        doubt = f"The stamps of {path.name} are too large for seconds ({middle:.0f}), and were read as {name}."
+    return rows if unit_s is None else [(stamp * unit_s, words) for stamp, words in rows], doubt
 
 
 def natural_order(name: str) -> list[int | str]:
@@ -191,7 +178,20 @@ class OdometryTable:
             rows = [row for row in lines if row and not row[0].startswith("#")]
         except csv.Error as error:
             raise DriveError(f"{path} cannot be read as a table ({error!s:.120}); {_TABLE_NEEDS}.") from error
-        return cls(path.name, *_parsed(rows, path))
+        order = list(range(_TABLE_COLUMNS))
+        if rows and _numbers(rows[0][1:_TABLE_COLUMNS]) is None:
+            order = _columns([name.strip().lower() for name in rows.pop(0)], path)
+        keys: list[str] = []
+        poses: list[list[float]] = []
+        for number, row in enumerate(rows, start=1):
+            try:
+                keys.append(row[order[0]].strip())
+                poses.append([float(row[column]) for column in order[1:]])
+            except (IndexError, ValueError) as error:
+                raise DriveError(f"{path}, row {number} is {','.join(row)!s:.60}; {_TABLE_NEEDS}.") from error
+        if not poses:
+            raise DriveError(f"{path} holds no rows; {_TABLE_NEEDS}.")
+        return cls(path.name, keys, np.array(poses))
 
     @property
     def doubts(self) -> list[str]:
@@ -224,30 +224,9 @@ class OdometryTable:
         """Return the pose (3,) of a picture by its file name, or otherwise by its stamp; None if no row fits."""
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:
-            row = self._row_at(stamp)
+            nearest_row = int(np.argmin(np.abs(self._stamps - stamp)))
+            row = nearest_row if abs(self._stamps[nearest_row] - stamp) <= self._slack_s else None
         return None if row is None or not self._is_finite[row] else self._poses[row]
-
-    def _row_at(self, stamp: float) -> int | None:
-        assert self._stamps is not None  # The caller checks this.
-        row = int(np.argmin(np.abs(self._stamps - stamp)))
-        return row if abs(self._stamps[row] - stamp) <= self._slack_s else None
-
-
-def _parsed(rows: list[list[str]], path: Path) -> tuple[list[str], Pose]:
-    order = list(range(_TABLE_COLUMNS))
-    if rows and _numbers(rows[0][1:_TABLE_COLUMNS]) is None:
-        order = _columns([name.strip().lower() for name in rows.pop(0)], path)
-    keys: list[str] = []
-    poses: list[list[float]] = []
-    for number, row in enumerate(rows, start=1):
-        try:
-            keys.append(row[order[0]].strip())
-            poses.append([float(row[column]) for column in order[1:]])
-        except (IndexError, ValueError) as error:
-            raise DriveError(f"{path}, row {number} is {','.join(row)!s:.60}; {_TABLE_NEEDS}.") from error
-    if not poses:
-        raise DriveError(f"{path} holds no rows; {_TABLE_NEEDS}.")
-    return keys, np.array(poses)
 
 
 def _columns(names: list[str], path: Path) -> list[int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.file_drive import FileDrive, FolderFormat, ListedFrame
-from ltvn_core.data.importing.file_lens import FileLens, lens_beside, read_lens
+from ltvn_core.data.importing.file_lens import lens_beside, read_lens
 from ltvn_core.data.importing.pose_track import PoseTrack
 from ltvn_core.data.importing.raw_frame import NOTHING, FrameMoment, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import camera_beside
@@ -45,13 +45,28 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     colours = _image_list(folder, options.rgb or "rgb.txt", doubts)
     has_depth = options.depth != NOTHING and (options.depth is not None or (folder / "depth.txt").is_file())
     depths = _image_list(folder, options.depth or "depth.txt", doubts) if has_depth else []
-    truth = _track(folder / "groundtruth.txt")
+    truths = folder / "groundtruth.txt"
+    truth = PoseTrack.read(truths) if truths.is_file() else None
     odometry = _odometry_track(folder, options.odometry, doubts)
+    tracks = [
+        (role, name, track, said)
+        for role, name, track, said in (
+            ("truth", "groundtruth.txt", truth, "groundtruth.txt"),
+            ("odometry", "odometry", odometry, "the odometry"),
+        )
+        if track is not None
+    ]
     described = camera_beside(folder)
-    camera = options.camera or described.camera or _benchmark_camera(folder)
-    lens = None if camera is not None else _lens(folder)
+    # The benchmark's own camera, if the folder has the name of one of its sequences.
+    named = _BENCHMARK_NAME.search(folder.resolve().name)
+    camera = options.camera or described.camera or (BENCHMARK_CAMERAS[named.group(1)] if named else None)
+    lens = None
+    if camera is None:
+        calibration = folder / CALIBRATION_FILE
+        lens = read_lens(calibration) if calibration.is_file() else lens_beside(folder)
     stamps = [stamp for stamp, _ in colours]
-    partners = nearest(stamps, [stamp for stamp, _ in depths], slack_s=SLACK_S)
+    depth_stamps = [stamp for stamp, _ in depths]
+    partners = nearest(stamps, depth_stamps, slack_s=SLACK_S)
     frames = [
         ListedFrame(
             colour=name,
@@ -61,15 +76,11 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
         )
         for (stamp, name), partner in zip(colours, partners, strict=True)
     ]
-    streams = [
-        SourceFact(role, name, len(images), rate_hz([stamp for stamp, _ in images]))
-        for role, name, images in (("rgb", "rgb.txt", colours), ("depth", "depth.txt", depths))
-        if images
-    ]
+    streams = [SourceFact("rgb", "rgb.txt", len(stamps), rate_hz(stamps))]
+    if depths:
+        streams.append(SourceFact("depth", "depth.txt", len(depths), rate_hz(depth_stamps)))
     unread = unread_beside(folder, [stream.name for stream in streams])
-    for role, name, track in (("truth", "groundtruth.txt", truth), ("odometry", "odometry", odometry)):
-        if track is not None:
-            streams.append(SourceFact(role, name, len(track.stamps), rate_hz(track.stamps)))
+    streams += [SourceFact(role, name, len(each.stamps), rate_hz(each.stamps)) for role, name, each, _ in tracks]
     return FileDrive(
         format="tum",
         folder=folder,
@@ -81,21 +92,21 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
         depth_focal_px=described.depth_focal_px,
         # Those about times are first, because they may be why no image can be used.
         doubts=[
-            *(track.doubt for track in (truth, odometry) if track is not None and track.doubt),
-            *apart_in_time(stamps, [stamp for stamp, _ in depths], "depth.txt", slack_s=SLACK_S),
-            *([] if truth is None else apart_in_time(stamps, truth.stamps, "groundtruth.txt", slack_s=SLACK_S)),
-            *([] if odometry is None else apart_in_time(stamps, odometry.stamps, "the odometry", slack_s=SLACK_S)),
+            *(track.doubt for _, _, track, _ in tracks if track.doubt),
+            *apart_in_time(stamps, depth_stamps, "depth.txt", slack_s=SLACK_S),
+            *(s for *_, track, said in tracks for s in apart_in_time(stamps, track.stamps, said, slack_s=SLACK_S)),
             *doubts,
-            *_axis_doubts(truth, odometry),
+            *(
+                f"The camera is upright only if {track.up_axis} is the up axis of its poses, so that axis was used; "
+                "TUM's files have z up."
+                for _, _, track, _ in tracks
+                if track.up_axis != "z"
+            ),
         ],
     )
 
 
-def _is_tum(path: Path) -> bool:
-    return (path / "rgb.txt").is_file()
-
-
-TUM = FolderFormat(_is_tum, _listed_drive)
+TUM = FolderFormat(lambda path: (path / "rgb.txt").is_file(), _listed_drive)
 """Folders in TUM's layout: those with a list of colour images."""
 
 
@@ -112,47 +123,24 @@ def _image_list(folder: Path, name: str, doubts: list[str]) -> list[tuple[float,
     if not rows:
         raise DriveError(f"{folder / name} lists no images; it needs lines of a stamp and a file.")
     doubts += [doubt] if doubt else []
-    return [(stamp, _local(folder, words[0])) for stamp, words in rows]
+    # Lists from Windows have backslashes.
+    return [
+        (stamp, file.replace("\\", "/") if "\\" in file and not (folder / file).is_file() else file)
+        for stamp, (file, *_) in rows
+    ]
 
 
 def _odometry_track(folder: Path, wanted: str | None, doubts: list[str]) -> PoseTrack | None:
     """Return the odometry that the user named, or else the one in the folder, if it can be read."""
-    if wanted == NOTHING:
+    path = folder / (wanted or ODOMETRY_FILE)
+    if wanted == NOTHING or (wanted is None and not path.is_file()):
         return None
     if wanted is not None:
-        require_file(folder / wanted, "--odometry", "odometry")
-        return PoseTrack.read(folder / wanted)
+        require_file(path, "--odometry", "odometry")
     try:
-        return _track(folder / ODOMETRY_FILE)
-    except DriveError as error:  # Other programs use this name for other files.
-        doubts.append(f"{ODOMETRY_FILE} was left out: {error}")
+        return PoseTrack.read(path)
+    except DriveError as error:
+        if wanted is not None:
+            raise
+        doubts.append(f"{ODOMETRY_FILE} was left out: {error}")  # Other programs use this name for other files.
         return None
-
-
-def _lens(folder: Path) -> FileLens | None:
-    calibration = folder / CALIBRATION_FILE
-    return read_lens(calibration) if calibration.is_file() else lens_beside(folder)
-
-
-def _local(folder: Path, name: str) -> str:
-    """Return a file name from a list in the form of this system; lists from Windows have backslashes."""
-    return name.replace("\\", "/") if "\\" in name and not (folder / name).is_file() else name
-
-
-def _track(path: Path) -> PoseTrack | None:
-    return PoseTrack.read(path) if path.is_file() else None
-
-
-def _benchmark_camera(folder: Path) -> CameraModel | None:
-    """Return the benchmark's own camera if the folder has the name of one of its sequences."""
-    found = _BENCHMARK_NAME.search(folder.resolve().name)
-    return None if found is None else BENCHMARK_CAMERAS[found.group(1)]
-
-
-def _axis_doubts(*tracks: PoseTrack | None) -> list[str]:
-    return [
-        f"The camera is upright only if {track.up_axis} is the up axis of its poses, so that axis was used; TUM's "
-        "files have z up."
-        for track in tracks
-        if track is not None and track.up_axis != "z"
-    ]

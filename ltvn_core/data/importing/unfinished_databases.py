@@ -31,10 +31,6 @@ def finished(file: Path, owner: object) -> Path:
         return file
     folder = Path(mkdtemp(prefix="ltvn-"))
     weakref.finalize(owner, shutil.rmtree, folder, ignore_errors=True)
-    return _finished_copy(file, folder)
-
-
-def _finished_copy(file: Path, folder: Path) -> Path:
     parts = [file, *files_beside(file)]
     needed = sum(part.stat().st_size for part in parts)
     advice = f"Copy {', '.join(part.name for part in parts)} to a folder with free space, run `sqlite3 {file.name} "

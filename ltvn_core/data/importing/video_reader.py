@@ -31,7 +31,6 @@ from ltvn_core.data.importing.stamped_lists import OdometryTable
 from ltvn_core.data.importing.unread_files import require_file, unread_beside
 from ltvn_core.errors import DriveError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.types import Depth
 
 if TYPE_CHECKING:
     from ltvn_core.data.importing.video_frames import VideoTrack
@@ -83,7 +82,13 @@ class VideoReader:
         except OSError as error:
             raise DriveError(f"{path} cannot be read ({error!s:.120}).") from error
         tracks = video_frames.video_tracks(path, self._container)
-        self._colours = _colour_track(tracks, options.rgb)
+        # By default the first track that is neither depth nor infrared.
+        usual = (
+            place
+            for place, track in enumerate(tracks)
+            if not (track.is_deep or _DEPTH_NAME.search(track.name) or _NO_DEPTH_NAME.search(track.name))
+        )
+        self._colours = next(usual, 0) if options.rgb is None else _named(tracks, options.rgb, "--rgb")
         self._depth = _depth_track(tracks, self._colours, options.depth)
         self.doubts += [] if self._table is None else self._table.doubts
         self.facts = DriveFacts(
@@ -157,20 +162,20 @@ class VideoReader:
         height, width = rgb.shape[:2]
         name = f"image {place} of {self._path.name}"
         camera = self._options.camera
+        depth_m = None
+        if depth is not None:
+            codes = self._decoding.codes(depth, self._path)
+            unit_m = self._options.depth_unit_m or MILLIMETRES
+            metres = np.where(codes == NO_RETURN, 0, codes).astype(np.float32) * np.float32(unit_m)
+            depth_m = np.ascontiguousarray(np.rot90(metres, round((depth.rotation or 0) / 90)))
         return RawFrame(
             stamp=moment.stamp,
             rgb=rgb,
-            depth_m=None if depth is None else self._depth_m(depth),
+            depth_m=depth_m,
             camera=None if camera is None else fitted(camera, width, height, name),
             odometry=moment.odometry,
             name=name,
         )
-
-    def _depth_m(self, frame: Any) -> Depth:
-        codes = self._decoding.codes(frame, self._path)
-        unit_m = self._options.depth_unit_m or MILLIMETRES
-        metres = np.where(codes == NO_RETURN, 0, codes).astype(np.float32) * np.float32(unit_m)
-        return np.ascontiguousarray(np.rot90(metres, round((frame.rotation or 0) / 90)))
 
 
 class _NearestImages:
@@ -195,17 +200,6 @@ class _NearestImages:
         self._held = self._held[-2:]
         nearest = min(self._held, key=lambda image: abs(image.stamp - stamp), default=None)
         return nearest.frame if nearest is not None and abs(nearest.stamp - stamp) <= _SLACK_S else None
-
-
-def _colour_track(tracks: Sequence["VideoTrack"], wanted: str | None) -> int:
-    """Return the index of the named track, or of the first one that is neither depth nor infrared. Raises
-    DriveError."""
-    if wanted is not None:
-        return _named(tracks, wanted, "--rgb")
-    names = [
-        track.is_deep or bool(_DEPTH_NAME.search(track.name) or _NO_DEPTH_NAME.search(track.name)) for track in tracks
-    ]
-    return names.index(False) if False in names else 0
 
 
 def _depth_track(tracks: Sequence["VideoTrack"], colours: int, wanted: str | None) -> int | None:

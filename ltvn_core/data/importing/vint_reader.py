@@ -54,11 +54,7 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_vint(path: Path) -> bool:
-    return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
-
-
-VINT = FolderFormat(_is_vint, _listed_drive)
+VINT = FolderFormat(lambda path: (path / TRAJECTORY).is_file() or bool(_trajectories(path)), _listed_drive)
 """Trajectories, or folders of them."""
 
 

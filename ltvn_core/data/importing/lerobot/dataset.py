@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ltvn_core.data.importing.foreign_files import is_from_lfs, read_foreign, require_plain, require_within
-from ltvn_core.data.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3, unreadable
+from ltvn_core.data.importing.lerobot.layouts import Episode, Layout, unreadable
 from ltvn_core.errors import DriveError
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Depth
@@ -33,6 +33,8 @@ _MOST_NUMBERS = 1024
 INFO = "meta/info.json"
 _MOST_BYTES = 20_000_000
 _LARGEST_CHUNK = 10**6
+_USUAL_CHUNK = 1000
+"""Default number of episodes in a folder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,25 +83,19 @@ def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
     """Return the number of rows of some columns that may be read at once. Raises DriveError if a column is too
     large."""
     largest = 1
-    for part, rows in _parts(metadata, columns):
-        if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
-            raise DriveError(
-                f"The column {part.path_in_schema!s:.80} unpacks to {part.total_uncompressed_size:,} bytes and "
-                f"{part.num_values:,} values in {rows:,} rows, which is too large for a drive."
-            )
-        largest = max(largest, part.total_uncompressed_size)
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        for part in map(group.column, range(group.num_columns)):
+            name, size = part.path_in_schema, part.total_uncompressed_size
+            if not any(name == each or name.startswith(f"{each}.") for each in columns):
+                continue
+            if size > _MOST_PART_BYTES or part.num_values > group.num_rows * _MOST_NUMBERS:
+                raise DriveError(
+                    f"The column {name!s:.80} unpacks to {size:,} bytes and {part.num_values:,} values in "
+                    f"{group.num_rows:,} rows, which is too large for a drive."
+                )
+            largest = max(largest, size)
     # A single value may take up the whole column, so a row is assumed to be as large as the largest stored column.
     return max(1, min(_MOST_ROWS, _BYTES_AT_ONCE // largest))
-
-
-def _parts(metadata: pq.FileMetaData, columns: Sequence[str]) -> Iterator[tuple[pq.ColumnChunkMetaData, int]]:
-    """Yield the stored chunks of some columns, each with its number of rows."""
-    for number in range(metadata.num_row_groups):
-        group = metadata.row_group(number)
-        for place in range(group.num_columns):
-            part = group.column(place)
-            if any(part.path_in_schema == name or part.path_in_schema.startswith(f"{name}.") for name in columns):
-                yield part, group.num_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,26 +125,31 @@ class LerobotDataset:
     def __init__(self, folder: Path) -> None:
         """Read the description and the episodes of the data set."""
         self.folder = folder
-        self._info = _read_info(folder)
-        self._layout = _layout(folder, self._info)
-        self.fps = _positive(self._info.get("fps"), "fps")
-        features = self._info.get("features")
+        path = folder / INFO
+        try:
+            info = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
+        except (OSError, ValueError) as error:
+            raise unreadable(path, error) from error
+        if not isinstance(info, dict):
+            raise DriveError(f"{path} describes no data set; expected a JSON object.")
+        self.layout = _layout(folder, info)
+        fps = info.get("fps")
+        if not isinstance(fps, int | float) or not 0 < fps < 10_000:
+            raise DriveError(f"fps is {fps!r:.20}, but must be images per second.")
+        self.fps = float(fps)
+        features = info.get("features")
         if not isinstance(features, dict):
             raise DriveError(f"{folder / INFO} names no features.")
         self.features = {key: _feature(key, said) for key, said in features.items() if isinstance(said, dict)}
-        self.episodes = self._layout.episodes()
+        self.episodes = self.layout.episodes()
 
     def video(self, key: str, episode: Episode) -> Path:
         """Return the file of a video."""
-        return self._within(self._layout.video(key, episode))
-
-    def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return the time span of the episode in its video, in seconds."""
-        return self._layout.video_span(key, episode)
+        return self._within(self.layout.video_of(key, episode))
 
     def rows(self, episode: Episode, columns: Sequence[str]) -> Iterator[Mapping[str, Any]]:
         """Yield the rows of an episode, restricted to some columns."""
-        path = self._within(self._layout.table(episode))
+        path = self._within(self.layout.table_of(episode))
         wanted = ["episode_index", *columns]
         try:
             with pq.ParquetFile(path) as file:
@@ -170,44 +171,30 @@ class LerobotDataset:
             require_plain(path)
         except FileNotFoundError as error:
             missing = " ".join(name.split())
-            raise DriveError(f"{self.folder} lacks {missing!s:.160}. {self._how_to_get()}") from error
+            how_to_get = "Copy the whole data set, with the folders data, meta and videos."
+            if is_from_lfs(self.folder):
+                how_to_get = f"It is kept in Git LFS: run `git lfs pull` in {self.folder}."
+            raise DriveError(f"{self.folder} lacks {missing!s:.160}. {how_to_get}") from error
         except OSError as error:
             raise unreadable(path, error) from error
         return path
-
-    def _how_to_get(self) -> str:
-        if is_from_lfs(self.folder):
-            return f"It is kept in Git LFS: run `git lfs pull` in {self.folder}."
-        return "Copy the whole data set, with the folders data, meta and videos."
-
-
-def _read_info(folder: Path) -> Mapping[str, Any]:
-    path = folder / INFO
-    try:
-        info = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
-    except (OSError, ValueError) as error:
-        raise unreadable(path, error) from error
-    if not isinstance(info, dict):
-        raise DriveError(f"{path} describes no data set; expected a JSON object.")
-    return info
 
 
 def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
     """Return the layout of a data set's files, by its version. Raises DriveError for an unsupported version."""
     version = str(info.get("codebase_version", ""))
-    data = info.get("data_path")
-    video = info.get("video_path")
+    if not version.startswith(("v2", "v3")):
+        raise DriveError(
+            f"{folder} is a LeRobotDataset of version {version!r:.20}, but only 2.0, 2.1 and 3 are supported; convert "
+            "it with a release of LeRobot that reads it."
+        )
+    data, video = info.get("data_path"), info.get("video_path")
     if version.startswith("v3"):
-        return LayoutV3(folder, data, video)
-    if version.startswith("v2"):
-        size = info.get("chunks_size", LayoutV2.CHUNK)
-        if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
-            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, but must be a number of episodes.")
-        return LayoutV2(folder, data, video, size)
-    raise DriveError(
-        f"{folder} is a LeRobotDataset of version {version!r:.20}, but only 2.0, 2.1 and 3 are supported; convert it "
-        "with a release of LeRobot that reads it."
-    )
+        return Layout.of(folder, data, video, None)
+    size = info.get("chunks_size", _USUAL_CHUNK)
+    if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
+        raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, but must be a number of episodes.")
+    return Layout.of(folder, data, video, size)
 
 
 def _feature(key: str, said: Mapping[str, Any]) -> Feature:
@@ -221,10 +208,12 @@ def _feature(key: str, said: Mapping[str, Any]) -> Feature:
         return otherwise
 
     usual = DepthCodes()
+    names = said.get("names")
+    names = next(iter(names.values()), ()) if isinstance(names, dict) else names
     return Feature(
         key=key,
         dtype=str(said.get("dtype", "")),
-        names=_names(said.get("names")),
+        names=tuple(map(str, names)) if isinstance(names, list) else (),
         is_depth=told("is_depth_map", False),
         metres_per_unit=1.0 if told("depth_unit", "mm") == "m" else 0.001,
         codes=DepthCodes(
@@ -234,15 +223,3 @@ def _feature(key: str, said: Mapping[str, Any]) -> Feature:
             use_log=told("use_log", usual.use_log),
         ),
     )
-
-
-def _names(said: object) -> tuple[str, ...]:
-    if isinstance(said, dict):
-        said = next(iter(said.values()), ())
-    return tuple(map(str, said)) if isinstance(said, list) else ()
-
-
-def _positive(value: object, name: str) -> float:
-    if not isinstance(value, int | float) or not 0 < value < 10_000:
-        raise DriveError(f"{name} is {value!r:.20}, but must be images per second.")
-    return float(value)

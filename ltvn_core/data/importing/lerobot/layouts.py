@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Self
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -20,6 +20,17 @@ from ltvn_core.structured_text import parse_json
 
 EPISODES = "meta/episodes"
 EPISODE_LINES = "meta/episodes.jsonl"
+_TABLES = "chunk-*/file-*.parquet"
+_USUAL_V3 = (
+    "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+    "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
+)
+_USUAL_V2 = (
+    "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+    "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
+)
+"""Templates of the paths of tables and videos, by version."""
+
 
 _PLACE = re.compile(r"\{(chunk_index|file_index|episode_chunk|episode_index|video_key)(?::0?(\d)d)?\}")
 _MOST_EPISODES = 200_000
@@ -54,97 +65,75 @@ class Episode:
         return float(value)
 
 
-class Layout(Protocol):
-    """Finds the files of a data set; their names are not checked yet."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Finds the files of a data set; their names are not checked yet.
+    In version 3, a table gives the file and the time span of each episode. In versions 2.0 and 2.1, each episode has a
+    table and videos of its own, which are named by its number.
+    """
+
+    folder: Path
+    data: str
+    """Template of the paths of tables."""
+    video: str
+    """Template of the paths of videos."""
+    chunk: int | None
+    """Number of episodes in a folder; None in version 3."""
+
+    @classmethod
+    def of(cls, folder: Path, data: object, video: object, chunk: int | None) -> Self:
+        """Take the path templates of the data set; None stands for a missing one."""
+        usual = _USUAL_V3 if chunk is None else _USUAL_V2
+        return cls(folder=folder, data=str(data or usual[0]), video=str(video or usual[1]), chunk=chunk)
 
     def episodes(self) -> list[Episode]:
         """Return all episodes, at least one. Raises DriveError."""
-        ...
+        if self.chunk is not None:
+            return self._listed()
+        found = [each for path in sorted((self.folder / EPISODES).glob(_TABLES)) for each in self._in_table(path)]
+        if not found:
+            raise DriveError(f"{self.folder} has no episodes in {EPISODES}.")
+        return found
 
-    def table(self, episode: Episode) -> str:
+    def table_of(self, episode: Episode) -> str:
         """Return the file with an episode's rows, relative to the data set. Raises DriveError."""
-        ...
+        return _filled(self.data, self._numbers("data/", episode))
 
-    def video(self, key: str, episode: Episode) -> str:
+    def video_of(self, key: str, episode: Episode) -> str:
         """Return the file with an episode's video, relative to the data set. Raises DriveError."""
-        ...
+        return _filled(self.video, {**self._numbers(f"videos/{key}/", episode), "video_key": key})
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
         """Return the time span of the episode in that file, in seconds. Raises DriveError."""
-        ...
-
-
-class LayoutV3:
-    """Version 3: a table gives the file and the time span of each episode."""
-
-    DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-    VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-
-    def __init__(self, folder: Path, data: object, video: object) -> None:
-        """Take the path templates of the data set; None stands for a missing one."""
-        self._folder = folder
-        self._data = str(data or self.DATA)
-        self._video = str(video or self.VIDEO)
-
-    def episodes(self) -> list[Episode]:
-        """Read the tables of episodes; see `Layout`."""
-        episodes: list[Episode] = []
-        for path in sorted((self._folder / EPISODES).glob("chunk-*/file-*.parquet")):
-            episodes += self._in_table(path)
-        if not episodes:
-            raise DriveError(f"{self._folder} has no episodes in {EPISODES}.")
-        return episodes
-
-    def table(self, episode: Episode) -> str:
-        """Return the file that the table names; see `Layout`."""
-        return _filled(self._data, self._numbers("data/", episode))
-
-    def video(self, key: str, episode: Episode) -> str:
-        """Return the file that the table names; see `Layout`."""
-        return _filled(self._video, {**self._numbers(f"videos/{key}/", episode), "video_key": key})
-
-    def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return the span in the table; see `Layout`."""
+        if self.chunk is not None:
+            return 0.0, math.inf
         begin, end = (episode.seconds(f"videos/{key}/{side}_timestamp") for side in ("from", "to"))
         return begin, end
 
     def _numbers(self, prefix: str, episode: Episode) -> dict[str, int]:
-        return {name: episode.whole(f"{prefix}{name}") for name in ("chunk_index", "file_index")}
+        if self.chunk is None:
+            return {name: episode.whole(f"{prefix}{name}") for name in ("chunk_index", "file_index")}
+        number = episode.whole("episode_index")
+        return {"episode_index": number, "episode_chunk": number // self.chunk}
 
     def _in_table(self, path: Path) -> Iterator[Episode]:
-        require_within(path, self._folder)
+        require_within(path, self.folder)
         try:
             require_plain(path)
             with pq.ParquetFile(path) as file:
-                names = _numeric_columns(file.schema_arrow)
+                # Texts and lists are not needed to find an episode, and may be very large.
+                single = [each for each in file.schema_arrow if not each.name.startswith("stats/")]
+                names = [x.name for x in single if pa.types.is_integer(x.type) or pa.types.is_floating(x.type)]
                 rows = file.metadata.num_rows
                 if rows > _MOST_EPISODES or rows * len(names) > _MOST_CELLS:
                     raise DriveError(f"{path} has {rows:,} episodes with {len(names):,} numbers each.")
-                yield from (_episode(row) for row in file.read(columns=names).to_pylist())
+                yield from map(_episode, file.read(columns=names).to_pylist())
         except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
             raise unreadable(path, error) from error
 
-
-class LayoutV2:
-    """Versions 2.0 and 2.1: each episode has a table and videos of its own, which are named by its number."""
-
-    DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-    VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
-    CHUNK = 1000
-    """Default number of episodes in a folder."""
-
-    def __init__(self, folder: Path, data: object, video: object, chunk: int) -> None:
-        """Take the path templates of the data set (None stands for a missing one), and the number of episodes in a
-        folder."""
-        self._folder = folder
-        self._chunk = chunk
-        self._data = str(data or self.DATA)
-        self._video = str(video or self.VIDEO)
-
-    def episodes(self) -> list[Episode]:
-        """Read the list of episodes; see `Layout`."""
-        path = self._folder / EPISODE_LINES
-        require_within(path, self._folder)
+    def _listed(self) -> list[Episode]:
+        path = self.folder / EPISODE_LINES
+        require_within(path, self.folder)
         try:
             blob = read_foreign(path, most_bytes=_MOST_LINES_BYTES, what="list of episodes")
             lines = [line for line in blob.splitlines() if line.strip()]
@@ -152,25 +141,9 @@ class LayoutV2:
                 raise DriveError(f"{path} lists {len(lines):,} episodes; expected 1 to {_MOST_EPISODES:,}.")
             return [_episode(parse_json(line)) for line in lines]
         except FileNotFoundError as error:
-            raise DriveError(f"{self._folder} lacks {EPISODE_LINES}, which lists the episodes.") from error
+            raise DriveError(f"{self.folder} lacks {EPISODE_LINES}, which lists the episodes.") from error
         except (OSError, ValueError) as error:
             raise unreadable(path, error) from error
-
-    def table(self, episode: Episode) -> str:
-        """Return the file with the episode's number; see `Layout`."""
-        return _filled(self._data, self._numbers(episode))
-
-    def video(self, key: str, episode: Episode) -> str:
-        """Return the file with the episode's number; see `Layout`."""
-        return _filled(self._video, {**self._numbers(episode), "video_key": key})
-
-    def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return the whole video; see `Layout`."""
-        return 0.0, math.inf
-
-    def _numbers(self, episode: Episode) -> dict[str, int]:
-        number = episode.whole("episode_index")
-        return {"episode_index": number, "episode_chunk": number // self._chunk}
 
 
 def _filled(template: str, values: Mapping[str, int | str]) -> str:
@@ -180,16 +153,6 @@ def _filled(template: str, values: Mapping[str, int | str]) -> str:
         return value if isinstance(value, str) else f"{value:0{int(digits or 1)}d}"
 
     return _PLACE.sub(filled, template)
-
-
-def _numeric_columns(schema: pa.Schema) -> list[str]:
-    """Return the columns of single numbers. Texts and lists are not needed to find an episode, and may be very
-    large."""
-    return [
-        each.name
-        for each in schema
-        if (pa.types.is_integer(each.type) or pa.types.is_floating(each.type)) and not each.name.startswith("stats/")
-    ]
 
 
 def _episode(row: object) -> Episode:

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, NamedTuple, Protocol, cast
@@ -36,12 +37,11 @@ MAX_CHUNK_BYTES = 2**28
 raw colours."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """First bytes of a message that is compressed individually; an uncompressed message begins with a zero."""
-_MAGIC = b"\x89MCAP0\r\n"
+
 _HEADER = struct.Struct("<BQI")
 """Fields after the magic bytes: type and length of the first record, and length of the profile's name."""
 _MOST_NAME_BYTES = 100
-_PROFILE = "ros2"
-"""The only profile that the library opens."""
+
 _OFFERS = "offered_qos_profiles"
 """The metadata key that the library looks up."""
 _SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
@@ -62,44 +62,23 @@ class _Opener(Protocol):
 
 def bound_decompression() -> None:
     """Limit the decompression of `rosbags` to the declared size of a chunk, and to `MAX_CHUNK_BYTES`."""
-    storage_mcap.DECOMPRESSORS.update(
-        lz4=lambda data, size: _declared(lz4.frame.LZ4FrameFile, data, size),
-        zstd=lambda data, size: _declared(zstd.ZstdFile, data, size),
-    )
-    rosbag1_reader.decompressors.update(
-        lz4=lambda data: _limited(lz4.frame.LZ4FrameFile, data), bz2=lambda data: _limited(bz2.BZ2File, data)
-    )
+    openers: dict[str, _Opener] = {"lz4": lz4.frame.LZ4FrameFile, "zstd": zstd.ZstdFile, "bz2": bz2.BZ2File}
+    storage_mcap.DECOMPRESSORS.update({name: partial(_unpacked, openers[name]) for name in ("lz4", "zstd")})
+    rosbag1_reader.decompressors.update({name: partial(_unpacked, openers[name]) for name in ("lz4", "bz2")})
 
 
-def decompress_message(data: bytes) -> bytes:
-    """Return a decompressed message of a bag that compresses each message individually. Raises DriveError if it is too
-    large."""
-    return _limited(zstd.ZstdFile, data)
-
-
-def _declared(opener: _Opener, data: bytes, size: int) -> bytes:
-    if size > MAX_CHUNK_BYTES:
-        raise _too_large(f"{size:,} bytes")
-    # One more byte than declared, so that the library notices a wrong size.
-    return _read(opener, data, size + 1)
-
-
-def _limited(opener: _Opener, data: bytes) -> bytes:
-    raw = _read(opener, data, MAX_CHUNK_BYTES + 1)
-    if len(raw) > MAX_CHUNK_BYTES:
-        raise _too_large("more")
-    return raw
-
-
-def _read(opener: _Opener, data: bytes, most: int) -> bytes:
-    with cast(BinaryIO, opener(io.BytesIO(data))) as stream:
-        return stream.read(most)
-
-
-def _too_large(size: str) -> DriveError:
-    return DriveError(
-        f"A compressed part of the bag unpacks to {size}, but at most {MAX_CHUNK_BYTES:,} bytes are read at once; "
-        "write the bag again with smaller chunks, for instance with `ros2 bag convert`."
+def _unpacked(opener: _Opener, data: bytes, size: int | None = None) -> bytes:
+    """Return an unpacked part, which declares `size` bytes or nothing. Raises DriveError if it is too large."""
+    most = MAX_CHUNK_BYTES if size is None else size
+    if most <= MAX_CHUNK_BYTES:
+        with cast(BinaryIO, opener(io.BytesIO(data))) as stream:
+            raw = stream.read(most + 1)
+        if size is not None or len(raw) <= most:  # The library notices one more byte than declared.
+            return raw
+    raise DriveError(
+        f"A compressed part of the bag unpacks to {'more' if size is None else f'{size:,} bytes'}, but at most "
+        f"{MAX_CHUNK_BYTES:,} bytes are read at once; write the bag again with smaller chunks, for instance with "
+        "`ros2 bag convert`."
     )
 
 
@@ -115,9 +94,10 @@ def tolerate_foreign_channels() -> None:
         return known(schema) if is_known else MessageDefinition(MessageDefinitionFormat.NONE, "")
 
     def text(stream: BinaryIO) -> str:
-        is_first = stream.tell() == 0  # True for the profile, and for the first metadata key of a channel.
+        # The only profile that the library opens; the first metadata key of a channel is at 0, too.
+        is_first = stream.tell() == 0
         said = storage_mcap.read_bytes(stream).decode(errors="replace")
-        return _PROFILE if is_first and said != _OFFERS else said
+        return "ros2" if is_first and said != _OFFERS else said
 
     offered = storage_mcap.get_qos
 
@@ -137,13 +117,13 @@ def refuse_ros1(file: Path) -> None:
     """Raise DriveError for an MCAP file whose profile says that it holds messages of ROS 1."""
     try:
         with file.open("rb") as stream:
-            head = stream.read(len(_MAGIC) + _HEADER.size + _MOST_NAME_BYTES)
+            head = stream.read(len(_MAGICS[".mcap"]) + _HEADER.size + _MOST_NAME_BYTES)
     except OSError:
         return  # The caller reports it.
-    if not head.startswith(_MAGIC) or len(head) < len(_MAGIC) + _HEADER.size:
+    if not head.startswith(_MAGICS[".mcap"]) or len(head) < len(_MAGICS[".mcap"]) + _HEADER.size:
         return
-    _, _, length = _HEADER.unpack_from(head, len(_MAGIC))
-    begin = len(_MAGIC) + _HEADER.size
+    _, _, length = _HEADER.unpack_from(head, len(_MAGICS[".mcap"]))
+    begin = len(_MAGICS[".mcap"]) + _HEADER.size
     profile = head[begin : begin + min(length, _MOST_NAME_BYTES)].decode(errors="replace")
     if profile == "ros1":
         raise DriveError(
@@ -297,7 +277,7 @@ def _limit_memory(reader: Reader1 | Reader2) -> None:
 
 def _raw_message(connection: Connection, time_ns: int, data: bytes) -> RawMessage:
     if data[:4] == ZSTD_MAGIC:
-        data = decompress_message(data)
+        data = _unpacked(zstd.ZstdFile, data)
     if len(data) > MAX_CHUNK_BYTES:
         raise DriveError(f"a message of {connection.topic} has {len(data):,} bytes, more than any image")
     written = Written.of(connection)

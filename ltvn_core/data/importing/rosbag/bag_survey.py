@@ -83,26 +83,17 @@ def survey(files: BagFiles) -> BagSurvey:
         passed = raw.log_s - begin
         if passed > _SURVEY_S[1] or (passed > _SURVEY_S[0] and topics <= found.samples.keys()):
             break
-        if _is_needed(found, raw):
+        is_new = raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s
+        if is_new or (raw.msgtype != CAMERA_INFO and len(found.leads_s[raw.topic][""]) < _MOST_STAMPS):
             _take(found, raw, files.decode(raw))
-    _add_late_frames(files, found)
+    # The fixed transforms of the whole bag, because each of several nodes publishes its own when it starts.
+    fixed = [topic for topic in files.topics.values() if topic.msgtype in TRANSFORMS and is_static(topic.name)]
+    late = {topic.name for topic in fixed if found.transforms.get(topic.name, 0) < topic.count <= _MOST_STATIC}
+    if late:
+        survey_frames(files, found.tree, late)
     if any(topic.written.foxglove for topic in files.topics.values() if topic.msgtype in TRANSFORMS):
         found.tree.settle()
     return found
-
-
-def _is_needed(found: BagSurvey, raw: RawMessage) -> bool:
-    if raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s:
-        return True
-    return raw.msgtype != CAMERA_INFO and len(found.leads_s[raw.topic][""]) < _MOST_STAMPS
-
-
-def _add_late_frames(files: BagFiles, found: BagSurvey) -> None:
-    """Add the fixed transforms of the whole bag, because each of several nodes publishes its own when it starts."""
-    topics = [topic for topic in files.topics.values() if topic.msgtype in TRANSFORMS and is_static(topic.name)]
-    late = {topic.name for topic in topics if found.transforms.get(topic.name, 0) < topic.count <= _MOST_STATIC}
-    for raw in files.messages(late) if late else ():
-        add_transforms(found.tree, files.decode(raw), raw)
 
 
 def survey_frames(files: BagFiles, tree: TransformTree, topics: Collection[str]) -> None:

@@ -73,7 +73,10 @@ class ChosenTopics:
 def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> ChosenTopics:
     """Return the topics of the drive. Raises DriveError with a list of topics if none or several fit."""
     images = _named(files, IMAGE, COMPRESSED_IMAGE)
-    depth_videos = tuple(name for name in images if _is_depth_video(name, found))
+    forms = {name: _format(name, found) for name in images}
+    depth_videos = tuple(
+        name for name, form in forms.items() if is_depth_video(form) or (is_video(form) and _is_called_depth(name))
+    )
     if options.depth is not None and options.depth.lstrip("/") in [name.lstrip("/") for name in depth_videos]:
         raise DriveError(f"{files.path}: {video_depth_text(options.depth)} `--depth none` omits depth.")
     images = [name for name in images if name not in depth_videos]
@@ -81,7 +84,14 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
     depth = None if options.depth == NOTHING else _asked(files, options.depth, "--depth", images)
     rgb = _asked(files, options.rgb, "--rgb", images) or _colour(images, {*depths, depth}, found, files)
     if depth is None and options.depth != NOTHING:
-        depth = _depth([name for name in depths if name != rgb], rgb)
+
+        def rank(name: str) -> tuple[bool, bool, int, int, str]:
+            pairs = zip(name.split("/"), rgb.split("/"), strict=False)
+            shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+            registered = re.search(r"aligned|registered", name) is not None
+            return bool(_NO_CAMERA.search(name)), not registered, -shared, len(name), name
+
+        depth = min((name for name in depths if name != rgb), key=rank, default=None)
     infos = _named(files, CAMERA_INFO)
     odometry, truth = _poses(files, found, options)
     unused = [name for name in images if depth is None and name != rgb]
@@ -134,11 +144,6 @@ def _format(name: str, found: BagSurvey) -> str:
     return str(getattr(found.samples.get(name), "format", ""))
 
 
-def _is_depth_video(name: str, found: BagSurvey) -> bool:
-    form = _format(name, found)
-    return is_depth_video(form) or (is_video(form) and _is_called_depth(name))
-
-
 def _is_called_depth(name: str) -> bool:
     return _DEPTH.search(name) is not None and _COLOURS_BY_DEPTH.search(name) is None
 
@@ -185,16 +190,6 @@ def _colour_rank(name: str) -> int:
 def _camera_of(name: str) -> str:
     """Return the namespace of a camera: the topic's name without its last part."""
     return _SUFFIXES.sub("", name).rpartition("/")[0]
-
-
-def _depth(depths: Sequence[str], rgb: str) -> str | None:
-    def rank(name: str) -> tuple[bool, bool, int, int, str]:
-        pairs = zip(name.split("/"), rgb.split("/"), strict=False)
-        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-        registered = re.search(r"aligned|registered", name) is not None
-        return bool(_NO_CAMERA.search(name)), not registered, -shared, len(name), name
-
-    return min(depths, key=rank, default=None)
 
 
 def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> str | None:

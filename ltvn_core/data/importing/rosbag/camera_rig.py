@@ -76,7 +76,13 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     robot = robot or robot_frame(tree)
     on_robot = tree.lookup(robot, camera_frame, stamp)
     if on_robot is None:
-        return _bare_rig(world, robot)
+        return CameraRig(
+            world=world,
+            carrier=robot,
+            turn=upright(robot)[:3, :3] @ BODY_FROM_OPTICAL,
+            image_turn=np.eye(3),
+            mounting=CameraMounting.unknown(),
+        )
     on_robot = upright(robot) @ on_robot
     turn = _optical(camera_frame, on_robot)
     camera_on_robot = on_robot.copy()
@@ -85,7 +91,10 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     if robot == camera_frame or "optical" in robot:
         mounting = CameraMounting(camera_on_robot=camera_on_robot)
     else:
-        mounting = replace(mounting, height_m=_height(tree, camera_frame, mounting.height_m, stamp))
+        ground = next((frame for frame in sorted(tree.frames) if _last(frame) in _GROUND_FRAMES), None)
+        over_ground = None if ground is None else tree.lookup(ground, camera_frame, stamp)
+        height_m = mounting.height_m if over_ground is None else float(over_ground[2, 3])
+        mounting = replace(mounting, height_m=height_m if height_m > LOWEST_M else 0.0)
     return CameraRig(world=world, carrier=camera_frame, turn=turn, image_turn=turn, mounting=mounting)
 
 
@@ -103,16 +112,6 @@ def robot_frame(tree: TransformTree) -> str:
     """Return the frame with the usual name of a robot's frame; "base_link" if there is none."""
     frames = sorted(tree.frames)
     return next((frame for name in _ROBOT_FRAMES for frame in frames if _last(frame) == name), _ROBOT_FRAMES[0])
-
-
-def _bare_rig(world: str, robot: str) -> CameraRig:
-    return CameraRig(
-        world=world,
-        carrier=robot,
-        turn=upright(robot)[:3, :3] @ BODY_FROM_OPTICAL,
-        image_turn=np.eye(3),
-        mounting=CameraMounting.unknown(),
-    )
 
 
 def _motion(tree: TransformTree, way: list[str]) -> FrameEdge:
@@ -136,13 +135,6 @@ def _optical(frame: str, on_robot: Transform) -> NDArray[np.float64]:
     as_body = spatial_pose(on_robot[:3, 3], on_robot[:3, :3] @ BODY_FROM_OPTICAL).tilt
     is_body = abs(as_optical.pitch_rad) > _STEEP_RAD > abs(as_body.pitch_rad)
     return BODY_FROM_OPTICAL if is_body else np.eye(3)
-
-
-def _height(tree: TransformTree, camera_frame: str, on_robot_m: float, stamp: float) -> float:
-    ground = next((frame for frame in sorted(tree.frames) if _last(frame) in _GROUND_FRAMES), None)
-    over_ground = None if ground is None else tree.lookup(ground, camera_frame, stamp)
-    height = on_robot_m if over_ground is None else float(over_ground[2, 3])
-    return height if height > LOWEST_M else 0.0
 
 
 def _last(frame: str) -> str:

@@ -39,7 +39,7 @@ from ltvn_core.data.importing.rosbag.bag_survey import (
     survey,
     survey_frames,
 )
-from ltvn_core.data.importing.rosbag.bag_topics import ChosenTopics, choose_topics, video_depth_text
+from ltvn_core.data.importing.rosbag.bag_topics import choose_topics, video_depth_text
 from ltvn_core.data.importing.rosbag.camera_rig import (
     CameraRig,
     FrameEdge,
@@ -53,10 +53,9 @@ from ltvn_core.data.importing.rosbag.image_matching import MatchedImages, Pendin
 from ltvn_core.data.importing.rosbag.path_poses import path_poses
 from ltvn_core.data.importing.rosbag.transform_tree import MovingFrame
 from ltvn_core.data.importing.rosbag.video_stream import DAMAGED, VideoStream, is_video
-from ltvn_core.data.importing.spatial_pose import SpatialPose, Transform, spatial_pose, transform
+from ltvn_core.data.importing.spatial_pose import Transform, spatial_pose, transform
 from ltvn_core.errors import DriveError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
 """Time difference between the stamps of messages recorded together, in seconds, above which they come from different
@@ -78,32 +77,75 @@ _PATH_AHEAD_S = 5.0
 class BagDrive:
     """A bag that is open for reading; a `DriveReader`."""
 
-    def __init__(self, files: BagFiles, found: BagSurvey, topics: ChosenTopics, options: ReadOptions) -> None:
-        """Prepare reading; `open_bag` is the entry point."""
-        self._files = files
-        self._topics = topics
+    def __init__(self, path: Path, paths: Sequence[Path], options: ReadOptions) -> None:
+        """Survey the bag at `path` with the files `paths`, and choose its topics. Raises DriveError."""
+        self._files = BagFiles(path, paths)
+        found = survey(self._files)
+        self._topics = choose_topics(self._files, found, options)
         self._samples = found.samples
         self._tree = found.tree
         self._truth = MovingFrame()
         self._path: deque[tuple[float, Transform]] = deque()
-        self._path_lag_s = 0.0
         self.dropped: Counter[str] = Counter()
         """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the bag, as sentences."""
+        self._transforms = [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
+        odometry = self._topics.odometry or ""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found)
-        if self._by_log:
-            self._path_lag_s = found.lead_s(topics.odometry or "") or 0.0
+        self._path_lag_s = (found.lead_s(odometry) or 0.0) if self._by_log else 0.0
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._body = np.eye(4)
         """Rotation from the robot's frame to the frame that odometry names; a turn if that is base_link_frd."""
         self._edge = self._odometry_frames(options)
-        self._says_loss = self._tells_losses(found)
-        self._outages = PoseOutages(topics.odometry or " and ".join(self._transform_topics()))
+        # If all poses are unknown by their covariance, it means nothing.
+        self._says_loss = not (found.lost.get(odometry) and are_all_lost(self._files, odometry))
+        if not self._says_loss:
+            self._doubt(
+                f"By the covariance of {odometry} none of its poses is known (9999 or more, or negative); they are "
+                "used all the same. Make the robot's driver write how sure it is."
+            )
+        self._outages = PoseOutages(odometry or " and ".join(self._transforms))
         self._rig = self._find_rig()
-        self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
+        self._decoder = FrameDecoder(
+            self._topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt
+        )
         self._last_stamp = float("-inf")
-        self._video = self._video_of(self._samples.get(topics.rgb))
+        self._video = self._video_of(self._samples.get(self._topics.rgb))
+        self._doubt_files()
+
+    @property
+    def facts(self) -> DriveFacts:
+        """Return the facts of the drive."""
+        chosen = self._topics
+        roles = chosen.roles()
+        if self._rig.world and chosen.odometry is None:
+            roles |= dict.fromkeys(self._transforms, "odometry")
+        possible = {name: "camera_info" for name, topic in self._files.topics.items() if topic.msgtype == CAMERA_INFO}
+        possible |= dict.fromkeys(chosen.unused_poses, "odometry") | dict.fromkeys(chosen.unused_depths, "depth")
+        seconds = self._files.duration_s
+        streams = [
+            SourceFact(
+                role=roles.get(topic.name, ""),
+                name=topic.name,
+                count=topic.count,
+                rate_hz=topic.count / seconds if seconds > 0 else None,
+                could_be=possible.get(topic.name, ""),
+                kind="" if topic.name in roles else topic.written.schema,
+            )
+            for topic in self._files.topics.values()
+        ]
+        return DriveFacts(
+            format="rosbag",
+            frames=self._files.topics[chosen.rgb].count,
+            streams=streams,
+            place=self._files.path.resolve().stem,
+            odometry_frame=upright_name(self._rig.world) or self._rig.world,
+        )
+
+    def _doubt_files(self) -> None:
+        """Tell what in the files and among the topics is not read."""
+        files = self._files
         if files.foreign:
             said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
             self._doubt(f"Topics in unsupported encodings or schemas are left out: {said}.")
@@ -112,47 +154,13 @@ class BagDrive:
                 f"The recorder of {', '.join(files.unfinished)} was ended before it had finished, so the end of the "
                 "drive may be missing. Its last messages lie in a file beside it and were read too; keep both together."
             )
-        for name in topics.lost_depths:
+        for name in self._topics.lost_depths:
             self._doubt(
                 f"{name} is called depth, but its images have only 8 bits, so it is not used. "
                 "Record the depth images as they are (16UC1 or 32FC1), or the topic that ends in /compressedDepth."
             )
-
-        for name in topics.depth_videos:
+        for name in self._topics.depth_videos:
             self._doubt(video_depth_text(name))
-
-    @property
-    def facts(self) -> DriveFacts:
-        """Return the facts of the drive."""
-        roles = self._topics.roles()
-        if self._rig.world and self._topics.odometry is None:
-            roles |= dict.fromkeys(self._transform_topics(), "odometry")
-        seconds = self._files.duration_s
-        streams = [
-            SourceFact(
-                role=roles.get(topic.name, ""),
-                name=topic.name,
-                count=topic.count,
-                rate_hz=topic.count / seconds if seconds > 0 else None,
-                could_be=self._possible_role(topic.name, topic.msgtype),
-                kind="" if topic.name in roles else topic.written.schema,
-            )
-            for topic in self._files.topics.values()
-        ]
-        frames = self._files.topics[self._topics.rgb].count
-        return DriveFacts(
-            format="rosbag",
-            frames=frames,
-            streams=streams,
-            place=self._files.path.resolve().stem,
-            odometry_frame=upright_name(self._rig.world) or self._rig.world,
-        )
-
-    def _possible_role(self, name: str, msgtype: str | None) -> str:
-        """Return the role that an unused topic could have, or ""."""
-        if name in self._topics.unused_depths:
-            return "depth"
-        return "odometry" if name in self._topics.unused_poses else "camera_info" if msgtype == CAMERA_INFO else ""
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of their stamps. Raises DriveError if the bag is damaged or no image can be
@@ -163,7 +171,10 @@ class BagDrive:
         """Yield the frames of wanted moments; images of other moments are not decoded."""
         # The messages of the survey are read again, perhaps with another clock or from another topic.
         self._tree.forget_motion()
-        self._path = deque(self._path_poses())
+        odometry = self._files.topics.get(self._topics.odometry or "")
+        if odometry is not None and odometry.msgtype == PATH:
+            poses = path_poses(self._files, odometry.name)
+            self._path = deque((stamp - self._path_lag_s, pose) for stamp, pose in poses)
         for matched in self._matches():
             frame = self._frame(matched, wanted)
             if frame is not None:
@@ -178,16 +189,17 @@ class BagDrive:
             )
 
     def _matches(self) -> Iterator[MatchedImages]:
+        period_s = self._files.duration_s / max(self._files.topics[self._topics.rgb].count, 1)
+        world, carrier = self._rig.world, self._rig.carrier
         matcher = StampMatcher(
             needs_depth=self._topics.depth is not None,
-            tolerance_s=self._tolerance_s(),
-            is_known=lambda stamp: self._known_s() >= stamp,
+            tolerance_s=min(max(period_s / 2, _TOLERANCES_S[0]), _TOLERANCES_S[1]),
+            is_known=lambda stamp: not world or self._tree.newest_s(world, carrier) >= stamp,
         )
-        for raw in self._files.messages({*self._topics.roles(), *self._transform_topics()}):
+        for raw in self._files.messages({*self._topics.roles(), *self._transforms}):
             self._take(raw, matcher)
             yield from matcher.ready(raw.log_s)
-        for picture in [] if self._video is None else self._video.rest():
-            matcher.add_colours(picture)
+        matcher.colours.extend([] if self._video is None else self._video.rest())
         yield from matcher.ready(float("inf"))
 
     def _take(self, raw: RawMessage, matcher: StampMatcher) -> None:
@@ -196,10 +208,18 @@ class BagDrive:
             skip = "" if self._edge is None else self._edge.child
             add_transforms(self._tree, message, raw, by_log=self._by_log, skip=skip)
             return
-        image = PendingImage(self._stamp(message, raw), raw.log_s, message, len(raw.data))
-        self._follow_path(image.stamp)
+        stamp = 0.0 if self._by_log else stamp_s(message)
+        is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
+        image = PendingImage(stamp if is_stamped else raw.log_s, raw.log_s, message, len(raw.data))
+        while self._edge is not None and self._path and self._path[0][0] <= image.stamp + _PATH_AHEAD_S:
+            posed_s, pose = self._path.popleft()
+            self._outages.add_pose(posed_s)
+            self._tree.add_moving(self._edge.parent, self._edge.child, posed_s, pose @ self._body)
         if raw.topic == self._topics.rgb:
-            self._take_colours(image, matcher)
+            if self._video is None and raw.topic not in self._samples:  # The topic was silent during the survey.
+                self._samples[raw.topic] = message
+                self._video = self._video_of(message)
+            matcher.colours.extend([image] if self._video is None else self._video.pictures(image))
         elif raw.topic == self._topics.depth:
             matcher.add_depth(image)
         elif raw.msgtype == PATH:
@@ -208,13 +228,6 @@ class BagDrive:
             self._take_pose(raw.topic, message, image.stamp)
         else:
             self._samples.setdefault(raw.topic, message)
-
-    def _take_colours(self, image: PendingImage, matcher: StampMatcher) -> None:
-        if self._video is None and self._topics.rgb not in self._samples:  # The topic was silent during the survey.
-            self._samples.setdefault(self._topics.rgb, image.message)
-            self._video = self._video_of(image.message)
-        for each in [image] if self._video is None else self._video.pictures(image):
-            matcher.add_colours(each)
 
     def _video_of(self, message: Any) -> VideoStream | None:
         """Return the decoder if the colours are a video, otherwise None. Raises DriveError, and MissingLibraryError."""
@@ -228,12 +241,6 @@ class BagDrive:
                 f"Packets of the video {self._topics.rgb} cannot be decoded; images from there to the next key frame "
                 "are left out. If packets get lost, make the encoder send key frames more often."
             )
-
-    def _stamp(self, message: Any, raw: RawMessage) -> float:
-        """Return the stamp of a message; without a stamp, the time of recording."""
-        stamp = 0.0 if self._by_log else stamp_s(message)
-        is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
-        return stamp if is_stamped else raw.log_s
 
     def _take_pose(self, topic: str, message: Any, stamp: float) -> None:
         pose = transform(*ros_pose(message))
@@ -250,65 +257,37 @@ class BagDrive:
         if not fault and pose is not None and self._edge is not None:
             self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose @ self._body)
 
-    def _path_poses(self) -> Sequence[tuple[float, Transform]]:
-        """Return the poses of the odometry if it is a path; nothing otherwise. Raises DriveError."""
-        topic = self._files.topics.get(self._topics.odometry or "")
-        if topic is None or topic.msgtype != PATH:
-            return ()
-        return [(stamp - self._path_lag_s, pose) for stamp, pose in path_poses(self._files, topic.name)]
-
-    def _follow_path(self, stamp: float) -> None:
-        """Take the poses of the path until some time after a stamp."""
-        while self._edge is not None and self._path and self._path[0][0] <= stamp + _PATH_AHEAD_S:
-            posed_s, pose = self._path.popleft()
-            self._outages.add_pose(posed_s)
-            self._tree.add_moving(self._edge.parent, self._edge.child, posed_s, pose @ self._body)
-
-    def _known_s(self) -> float:
-        return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
-
     def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
         """Return a frame; None if it was left out or is not wanted."""
-        pose = self._rig.pose(self._tree, matched.colours.stamp)
+        stamp = matched.colours.stamp
+        pose = self._rig.pose(self._tree, stamp)
         if self._rig.world:
-            self._outages.add_image(matched.colours.stamp, has_pose=pose is not None)
-        if matched.colours.stamp <= self._last_stamp:
+            self._outages.add_image(stamp, has_pose=pose is not None)
+        if stamp <= self._last_stamp:
             reason = NOT_LATER
         elif self._topics.depth is not None and matched.depth is None:
             reason = NO_DEPTH
         elif self._rig.world and pose is None:
             reason = NO_POSE
         else:
+            robot = self._truth.at(stamp)
+            truth = None if robot is None else robot @ self._rig.mounting.camera_on_robot
+            moment = FrameMoment(
+                stamp=stamp,
+                odometry=None if pose is None else pose.planar,
+                truth=None if truth is None else spatial_pose(truth[:3, 3], truth[:3, :3]).planar,
+                tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
+            )
             try:
-                return self._wanted_frame(matched, pose, wanted)
+                frame = self._decoder.decode(matched, moment) if wanted(moment) else None
+                self._last_stamp = stamp
+                return frame
             except DriveError as error:
                 reason = DAMAGED
                 if not self.dropped[DAMAGED]:
                     self._doubt(f"An image was left out: {error}")
         self.dropped[reason] += 1
         return None
-
-    def _wanted_frame(self, matched: MatchedImages, pose: SpatialPose | None, wanted: FrameFilter) -> RawFrame | None:
-        """Return a frame; None if it is not wanted. Raises DriveError if it is damaged."""
-        moment = FrameMoment(
-            stamp=matched.colours.stamp,
-            odometry=None if pose is None else pose.planar,
-            truth=self._true_pose(matched.colours.stamp),
-            tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
-        )
-        frame = self._decoder.decode(matched, moment) if wanted(moment) else None
-        self._last_stamp = moment.stamp
-        return frame
-
-    def _true_pose(self, stamp: float) -> Pose | None:
-        robot = self._truth.at(stamp)
-        if robot is None:
-            return None
-        camera = robot @ self._rig.mounting.camera_on_robot
-        return spatial_pose(camera[:3, 3], camera[:3, :3]).planar
-
-    def _transform_topics(self) -> list[str]:
-        return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
 
     def _lacks_stamps(self, found: BagSurvey) -> bool:
         """Tell whether all stamps of the topics in use are 0; then the time of recording is used."""
@@ -323,7 +302,7 @@ class BagDrive:
 
     def _has_clocks_apart(self, found: BagSurvey) -> bool:
         """Tell whether the times of recording are better than the stamps, because these come from different clocks."""
-        moving = [] if self._topics.odometry else [name for name in self._transform_topics() if not is_static(name)]
+        moving = [] if self._topics.odometry else [name for name in self._transforms if not is_static(name)]
         leads = {topic: found.lead_s(topic) for topic in (*self._topics.moments(), *moving)}
         known = {topic: lead for topic, lead in leads.items() if lead is not None}
         apart_s = max(known.values()) - min(known.values()) if known else 0.0
@@ -345,17 +324,6 @@ class BagDrive:
             )
         return False
 
-    def _tells_losses(self, found: BagSurvey) -> bool:
-        """Tell whether the covariance of odometry means something, because not all poses are unknown by it."""
-        topic = self._topics.odometry
-        if topic is None or not found.lost.get(topic) or not are_all_lost(self._files, topic):
-            return True
-        self._doubt(
-            f"By the covariance of {topic} none of its poses is known (9999 or more, or negative); they are used all "
-            "the same. Make the robot's driver write how sure it is."
-        )
-        return False
-
     def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
         """Return the frames of the odometry topic; None if the transform tree gives the odometry."""
         if options.odometry == NOTHING:
@@ -375,7 +343,7 @@ class BagDrive:
         begin = 0.0 if image is None else stamp_s(image)
         rig = find_rig(self._tree, camera_frame, self._edge, begin)
         if rig.carrier != camera_frame and camera_frame:
-            survey_frames(self._files, self._tree, self._transform_topics())
+            survey_frames(self._files, self._tree, self._transforms)
             self._tree.settle_still(camera_frame, rig.carrier)
             rig = find_rig(self._tree, camera_frame, self._edge, max(begin, self._tree.first_s(camera_frame)))
         if rig.world and rig.mounting.tilt is None and rig.carrier != camera_frame:
@@ -385,17 +353,6 @@ class BagDrive:
             )
         return rig
 
-    def _tolerance_s(self) -> float:
-        period_s = self._files.duration_s / max(self._files.topics[self._topics.rgb].count, 1)
-        return min(max(period_s / 2, _TOLERANCES_S[0]), _TOLERANCES_S[1])
-
     def _doubt(self, sentence: str) -> None:
         if sentence not in self.doubts and len(self.doubts) < _MOST_DOUBTS:
             self.doubts.append(sentence)
-
-
-def open_bag(path: Path, paths: Sequence[Path], options: ReadOptions) -> BagDrive:
-    """Survey the bag at `path` with the files `paths`, and choose its topics. Raises DriveError."""
-    files = BagFiles(path, paths)
-    found = survey(files)
-    return BagDrive(files, found, choose_topics(files, found, options), options)

@@ -54,7 +54,10 @@ def register_depth(
         colour_camera: The lens and size of the colours.
         colour_from_depth: (4, 4), takes points of the depth camera's optical frame to the colour camera's.
     """
-    target = _coarse_enough(colour_camera, depth_camera)
+    scale = min(1.0, depth_camera.fx / colour_camera.fx, depth_camera.fy / colour_camera.fy)
+    target = colour_camera.scaled(
+        max(round(colour_camera.width * scale), 1), max(round(colour_camera.height * scale), 1)
+    )
     rows, columns = np.nonzero(depth_m > 0)
     metres = depth_m[rows, columns].astype(np.float64)
     rays = _rays(depth_camera)[rows, columns]
@@ -67,12 +70,6 @@ def register_depth(
     nearest = np.full(target.width * target.height, np.inf)
     np.minimum.at(nearest, row[inside] * target.width + column[inside], points[known][inside, 2])
     return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32).reshape(target.height, target.width)
-
-
-@lru_cache(maxsize=4)
-def _coarse_enough(colour: CameraModel, depth: CameraModel) -> CameraModel:
-    scale = min(1.0, depth.fx / colour.fx, depth.fy / colour.fy)
-    return colour.scaled(max(round(colour.width * scale), 1), max(round(colour.height * scale), 1))
 
 
 @lru_cache(maxsize=4)
@@ -209,20 +206,16 @@ class FrameDecoder:
             return False
         return said is not None and _are_one(said, depth)
 
-    def _metres(self, message: Any, name: str) -> Depth:
-        unit_m = self._depth_unit_m
-        if unit_m is None:
-            return decode_metres(message, name)
-        if has_metres(message):
-            return decode_metres(message, name) * np.float32(unit_m)
-        return decode_metres(message, name, unit_m)
-
     def _depth(
         self, image: PendingImage, colours: CameraModel | None, colours_frame: str
     ) -> tuple[Depth, CameraModel | None]:
         """Return depth aligned with the colours; or unchanged, with its own lens if that differs."""
         topic = str(self._topics.depth)
-        depth = self._metres(image.message, f"{topic} at {image.stamp:.3f}")
+        name, unit_m = f"{topic} at {image.stamp:.3f}", self._depth_unit_m
+        if unit_m is not None and has_metres(image.message):
+            depth = decode_metres(image.message, name) * np.float32(unit_m)
+        else:
+            depth = decode_metres(image.message, name) if unit_m is None else decode_metres(image.message, name, unit_m)
         lens = self._depth_lens(topic, depth.shape[1], depth.shape[0])
         own_lens = None if lens is None or colours is None or _are_one(colours, lens) else lens
         depth_frame = frame_name(image.message.header.frame_id)
@@ -236,13 +229,10 @@ class FrameDecoder:
                 "assumed to be the same. Record /tf_static and both camera_info, or registered depth."
             )
             return depth, own_lens
-        return register_depth(depth, lens, colours, self._optical(apart)), None
-
-    def _optical(self, apart: Transform) -> Transform:
-        """Convert the pose between two image frames to the pose between their optical frames."""
+        # From the pose between two image frames to the pose between their optical frames.
         turn = np.eye(4)
         turn[:3, :3] = self._rig.image_turn
-        return turn.T @ apart @ turn
+        return register_depth(depth, lens, colours, turn.T @ apart @ turn), None
 
 
 def _are_one(colours: CameraModel, depth: CameraModel) -> bool:

@@ -47,12 +47,9 @@ class StampMatcher:
         self._needs_depth = needs_depth
         self._tolerance_s = tolerance_s
         self._is_known = is_known
-        self._colours: deque[PendingImage] = deque()
+        self.colours: deque[PendingImage] = deque()
+        """Images that wait, in the order in which they arrived."""
         self._depths: deque[PendingImage] = deque()
-
-    def add_colours(self, image: PendingImage) -> None:
-        """Put an image into the queue."""
-        self._colours.append(image)
 
     def add_depth(self, image: PendingImage) -> None:
         """Put a depth image into the queue."""
@@ -63,23 +60,19 @@ class StampMatcher:
     def ready(self, log_s: float) -> Iterator[MatchedImages]:
         """Yield the images that are complete, or have waited too long, at the log time `log_s`; infinity empties the
         queue."""
-        while self._colours:
-            first = self._colours[0]
-            crowded = len(self._colours) > _MOST_WAITING or _held(self._colours) > _MOST_BYTES
-            if not (crowded or log_s - first.log_s > _PATIENCE_S or self._is_complete(first.stamp)):
+        while self.colours:
+            first = self.colours[0]
+            crowded = len(self.colours) > _MOST_WAITING or _held(self.colours) > _MOST_BYTES
+            has_depth = not self._needs_depth or any(depth.stamp >= first.stamp for depth in self._depths)
+            is_complete = has_depth and self._is_known(first.stamp)
+            if not (crowded or log_s - first.log_s > _PATIENCE_S or is_complete):
                 return
-            self._colours.popleft()
-            yield MatchedImages(first, self._nearest_depth(first.stamp))
-
-    def _is_complete(self, stamp: float) -> bool:
-        has_depth = not self._needs_depth or any(depth.stamp >= stamp for depth in self._depths)
-        return has_depth and self._is_known(stamp)
-
-    def _nearest_depth(self, stamp: float) -> PendingImage | None:
-        while len(self._depths) > 1 and self._depths[0].stamp < stamp - self._tolerance_s:
-            self._depths.popleft()
-        nearest = min(self._depths, key=lambda depth: abs(depth.stamp - stamp), default=None)
-        return nearest if nearest is not None and abs(nearest.stamp - stamp) <= self._tolerance_s else None
+            self.colours.popleft()
+            while len(self._depths) > 1 and self._depths[0].stamp < first.stamp - self._tolerance_s:
+                self._depths.popleft()
+            nearest = min(self._depths, key=lambda depth: abs(depth.stamp - first.stamp), default=None)
+            is_near = nearest is not None and abs(nearest.stamp - first.stamp) <= self._tolerance_s
+            yield MatchedImages(first, nearest if is_near else None)
 
 
 def _held(images: deque[PendingImage]) -> int:

@@ -8,126 +8,55 @@ the ROS message, but need not be of its class.
 import base64
 import struct
 from collections.abc import Callable
-from enum import Enum, auto
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from ltvn_core.data.importing.rosbag.video_stream import as_video
-from ltvn_core.protobuf_fields import Field, read_fields
+from ltvn_core.protobuf_fields import read_fields
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
 from ltvn_core.structured_text import parse_json
 
-PREFIX = "foxglove."
-"""Prefix of the name of a Foxglove schema in an MCAP file."""
 PROTOBUF = "protobuf"
 JSON = "json"
+CDR = "cdr"
+ROS1 = "ros1"
+POSE_IN_FRAME = "PoseInFrame"
 _MOST_FIELDS = 100_000
 """Largest number of fields of one message, with those of nested messages; a robot has a few hundred frames."""
 _MOST_JSON_BYTES = 2**26
 """Largest size of a JSON message in bytes; parsed, it takes twenty times as much memory. A 4K image in base64 has 33
 MB."""
-CDR = "cdr"
-ROS1 = "ros1"
-POSE_IN_FRAME = "PoseInFrame"
-_POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 _TF = "tf2_msgs/msg/TFMessage"
 _PACKET = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket"
 _ROS_FOXGLOVE = "foxglove_msgs/msg/"
-_Convert = Callable[[Any], Any]
 
-
-class _Kind(Enum):
-    TEXT = auto()
-    BYTES = auto()
-    INTEGER = auto()
-    DOUBLE = auto()
-    DOUBLES = auto()
-    MESSAGE = auto()
-    MESSAGES = auto()
-
-
-class SchemaField(NamedTuple):
-    """A field of a schema."""
-
-    number: int
-    """Field number in protobuf."""
-    name: str
-    """Field name in the ROS message."""
-    kind: _Kind
-    inner: "Schema" = ()
-    """Fields of the nested message; empty if it is none."""
-    json_name: str = ""
-    """Field name in JSON, if it differs."""
-
-
-Schema: TypeAlias = tuple[SchemaField, ...]
-
-_VECTOR: Schema = tuple(SchemaField(number, name, _Kind.DOUBLE) for number, name in enumerate("xyz", 1))
-
-_QUATERNION: Schema = tuple(SchemaField(number, name, _Kind.DOUBLE) for number, name in enumerate("xyzw", 1))
-
-_TIME: Schema = (SchemaField(1, "sec", _Kind.INTEGER), SchemaField(2, "nanosec", _Kind.INTEGER, (), "nsec"))
-
-_STAMP = SchemaField(1, "timestamp", _Kind.MESSAGE, _TIME)
-
-_POSE: Schema = (
-    SchemaField(1, "position", _Kind.MESSAGE, _VECTOR),
-    SchemaField(2, "orientation", _Kind.MESSAGE, _QUATERNION),
-)
-
-_FRAME_TRANSFORM: Schema = (
-    _STAMP,
-    SchemaField(2, "parent_frame_id", _Kind.TEXT),
-    SchemaField(3, "child_frame_id", _Kind.TEXT),
-    SchemaField(4, "translation", _Kind.MESSAGE, _VECTOR),
-    SchemaField(5, "rotation", _Kind.MESSAGE, _QUATERNION),
-)
-
-SCHEMAS: dict[str, Schema] = {
-    "CompressedImage": (
-        _STAMP,
-        SchemaField(2, "data", _Kind.BYTES),
-        SchemaField(3, "format", _Kind.TEXT),
-        SchemaField(4, "frame_id", _Kind.TEXT),
-    ),
-    "CompressedVideo": (
-        _STAMP,
-        SchemaField(2, "frame_id", _Kind.TEXT),
-        SchemaField(3, "data", _Kind.BYTES),
-        SchemaField(4, "format", _Kind.TEXT),
-    ),
-    "RawImage": (
-        _STAMP,
-        SchemaField(2, "width", _Kind.INTEGER),
-        SchemaField(3, "height", _Kind.INTEGER),
-        SchemaField(4, "encoding", _Kind.TEXT),
-        SchemaField(5, "step", _Kind.INTEGER),
-        SchemaField(6, "data", _Kind.BYTES),
-        SchemaField(7, "frame_id", _Kind.TEXT),
-    ),
+_FIELDS = {
+    "Time": "int sec, int nanosec",
+    "Vector": "double x, double y, double z",
+    "Quaternion": "double x, double y, double z, double w",
+    "Pose": "Vector position, Quaternion orientation",
+    "CompressedImage": "Time timestamp, bytes data, text format, text frame_id",
+    "CompressedVideo": "Time timestamp, text frame_id, bytes data, text format",
+    "RawImage": "Time timestamp, int width, int height, text encoding, int step, bytes data, text frame_id",
     "CameraCalibration": (
-        _STAMP,
-        SchemaField(2, "width", _Kind.INTEGER),
-        SchemaField(3, "height", _Kind.INTEGER),
-        SchemaField(4, "distortion_model", _Kind.TEXT),
-        *(SchemaField(number, name, _Kind.DOUBLES, (), name.upper()) for number, name in enumerate("dkrp", 5)),
-        SchemaField(9, "frame_id", _Kind.TEXT),
+        "Time timestamp, int width, int height, text distortion_model, double[] d, double[] k, double[] r, double[] p, "
+        "text frame_id"
     ),
-    "FrameTransform": _FRAME_TRANSFORM,
-    "FrameTransforms": (SchemaField(1, "transforms", _Kind.MESSAGES, _FRAME_TRANSFORM),),
-    "PoseInFrame": (
-        _STAMP,
-        SchemaField(2, "frame_id", _Kind.TEXT),
-        SchemaField(3, "pose", _Kind.MESSAGE, _POSE),
+    "FrameTransform": (
+        "Time timestamp, text parent_frame_id, text child_frame_id, Vector translation, Quaternion rotation"
     ),
+    "FrameTransforms": "FrameTransform[] transforms",
+    POSE_IN_FRAME: "Time timestamp, text frame_id, Pose pose",
 }
-"""Fields of each supported schema, by its name."""
+"""Kind and name of each field of Foxglove's messages, in the order of their numbers in protobuf, which begin at 1."""
+_SCHEMAS = {message: [field.split() for field in fields.split(", ")] for message, fields in _FIELDS.items()}
+_JSON_NAMES = {"nanosec": "nsec", "d": "D", "k": "K", "r": "R", "p": "P"}
+"""Names of fields in JSON that differ from those in ROS."""
 
 
 def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
@@ -136,17 +65,17 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
     Args:
         data: The encoded message.
         encoding: `PROTOBUF` or `JSON`.
-        name: A key of `SCHEMAS`.
+        name: A Foxglove schema without its prefix.
 
     Raises:
         ValueError: The data is not a message of this schema.
         TypeError: A JSON field has the wrong type.
     """
     if encoding == PROTOBUF:
-        return _ProtobufReader().read(data, SCHEMAS[name])
+        return _ProtobufReader().read(data, name)
     if len(data) > _MOST_JSON_BYTES:
         raise ValueError(f"{len(data):,} bytes of JSON, but at most {_MOST_JSON_BYTES:,} are read")
-    return _json_fields(parse_json(data), SCHEMAS[name])
+    return _json_fields(parse_json(data), name)
 
 
 class _ProtobufReader:
@@ -155,39 +84,33 @@ class _ProtobufReader:
     def __init__(self) -> None:
         self._count = 0
 
-    def read(self, data: bytes, schema: Schema) -> SimpleNamespace:
-        known = {each.number: each for each in schema}
-        found: dict[int, list[Field]] = {}
+    def read(self, data: bytes, schema: str) -> SimpleNamespace:
+        found: dict[int, list[int | bytes]] = {}
         for field in read_fields(data):
             self._count += 1
             if self._count > _MOST_FIELDS:
                 raise ValueError(f"it has more than {_MOST_FIELDS:,} fields")
-            if field.number in known:
-                found.setdefault(field.number, []).append(field)
-        return SimpleNamespace(
-            **{each.name: self._value(each, [field.value for field in found.get(each.number, ())]) for each in schema}
-        )
+            found.setdefault(field.number, []).append(field.value)
+        numbered = enumerate(_SCHEMAS[schema], start=1)
+        return SimpleNamespace(**{name: self._value(kind, found.get(number, [])) for number, (kind, name) in numbered})
 
-    def _value(self, field: SchemaField, values: list[int | bytes]) -> Any:
-        match field.kind:
-            case _Kind.INTEGER:
-                return _integer(values[-1]) if values else 0
-            case _Kind.DOUBLE:
+    def _value(self, kind: str, values: list[int | bytes]) -> Any:
+        match kind:
+            case "int":
+                value = values[-1] if values else 0
+                return value if isinstance(value, int) else int.from_bytes(value, "little")
+            case "double":
                 return struct.unpack("<d", _bytes(values[-1]))[0] if values else 0.0
-            case _Kind.DOUBLES:  # Packed, or one value at a time.
+            case "double[]":  # Packed, or one value at a time.
                 return np.frombuffer(b"".join(map(_bytes, values)), "<f8")
-            case _Kind.TEXT:
+            case "text":
                 return _bytes(values[-1]).decode(errors="replace") if values else ""
-            case _Kind.BYTES:
+            case "bytes":
                 return np.frombuffer(_bytes(values[-1]) if values else b"", np.uint8)
-            case _Kind.MESSAGE:  # Protobuf may split one message into parts, which must be joined.
-                return self.read(b"".join(map(_bytes, values)), field.inner)
-            case _Kind.MESSAGES:
-                return [self.read(_bytes(value), field.inner) for value in values]
-
-
-def _integer(value: int | bytes) -> int:
-    return value if isinstance(value, int) else int.from_bytes(value, "little")
+            case _ if kind.endswith("[]"):
+                return [self.read(_bytes(value), kind.removesuffix("[]")) for value in values]
+            case _:  # Protobuf may split one message into parts, which must be joined.
+                return self.read(b"".join(map(_bytes, values)), kind)
 
 
 def _bytes(value: int | bytes) -> bytes:
@@ -196,28 +119,29 @@ def _bytes(value: int | bytes) -> bytes:
     return value
 
 
-def _json_fields(said: Any, schema: Schema) -> SimpleNamespace:
+def _json_fields(said: Any, schema: str) -> SimpleNamespace:
     if not isinstance(said, dict):
         raise ValueError(f"expected a JSON object, got {type(said).__name__}")
-    return SimpleNamespace(**{each.name: _json_value(each, said.get(each.json_name or each.name)) for each in schema})
+    fields = _SCHEMAS[schema]
+    return SimpleNamespace(**{name: _json_value(kind, said.get(_JSON_NAMES.get(name, name))) for kind, name in fields})
 
 
-def _json_value(field: SchemaField, said: Any) -> Any:
-    match field.kind:
-        case _Kind.INTEGER:
+def _json_value(kind: str, said: Any) -> Any:
+    match kind:
+        case "int":
             return int(said or 0)
-        case _Kind.DOUBLE:
+        case "double":
             return float(said or 0)
-        case _Kind.DOUBLES:
+        case "double[]":
             return np.asarray([float(number) for number in said or ()], np.float64)
-        case _Kind.TEXT:
+        case "text":
             return str(said or "")
-        case _Kind.BYTES:
+        case "bytes":
             return np.frombuffer(base64.b64decode(said or ""), np.uint8)
-        case _Kind.MESSAGE:
-            return _json_fields(said or {}, field.inner)
-        case _Kind.MESSAGES:
-            return [_json_fields(each, field.inner) for each in said or ()]
+        case _ if kind.endswith("[]"):
+            return [_json_fields(each, kind.removesuffix("[]")) for each in said or ()]
+        case _:
+            return _json_fields(said or {}, kind)
 
 
 class Written(NamedTuple):
@@ -238,15 +162,15 @@ class Written(NamedTuple):
     @property
     def foxglove(self) -> str:
         """Name of the schema without its prefix; "" if it is not a supported Foxglove schema."""
-        prefix = PREFIX if self.encoding in (PROTOBUF, JSON) else _ROS_FOXGLOVE
+        prefix = "foxglove." if self.encoding in (PROTOBUF, JSON) else _ROS_FOXGLOVE
         name = self.schema.removeprefix(prefix) if self.schema.startswith(prefix) else ""
-        return name if name in SCHEMAS else ""
+        return name if name in _FOXGLOVE else ""
 
     @property
     def msgtype(self) -> str | None:
         """ROS message type as which the messages are read; None if they are not supported."""
         if self.foxglove:
-            return _FOXGLOVE[self.foxglove][0]
+            return _FOXGLOVE[self.foxglove].msgtype
         if self.encoding not in (CDR, ROS1):
             return None
         return COMPRESSED_IMAGE if self.schema == _PACKET else self.schema
@@ -257,22 +181,28 @@ class MessageReader:
 
     def __init__(self, *, ros1: bool) -> None:
         """Load the message types of ROS 1 or ROS 2."""
-        self._store = _typestore(ros1=ros1)
+        self._store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+        added = {f"{_ROS_FOXGLOVE}{name}": each.definition for name, each in _FOXGLOVE.items()}
+        added[_PACKET] = _PACKETS[ros1]
+        if ros1:
+            added |= dict.fromkeys((_TF, "tf/msg/tfMessage"), "geometry_msgs/TransformStamped[] transforms")
+        for name, definition in added.items():
+            self._store.register(get_types_from_msg(definition, name))
 
     def read(self, data: bytes, written: Written) -> Any:
         """Return a message in ROS's form. Raises any exception for a damaged message, because the library trusts its
         lengths."""
         if written.encoding in (PROTOBUF, JSON):
-            return _FOXGLOVE[written.foxglove][1](read_message(data, written.encoding, written.foxglove))
+            return _FOXGLOVE[written.foxglove].converted(read_message(data, written.encoding, written.foxglove))
         read = self._store.deserialize_ros1 if written.encoding == ROS1 else self._store.deserialize_cdr
         message = read(data, written.schema)
         if written.foxglove:
-            return _FOXGLOVE[written.foxglove][1](message)
+            return _FOXGLOVE[written.foxglove].converted(message)
         return _packet(message) if written.schema == _PACKET else message
 
 
-def _header(message: Any, frame: str) -> Any:
-    return SimpleNamespace(stamp=message.timestamp, frame_id=frame)
+def _stamped(message: Any, frame: str, **fields: Any) -> Any:
+    return SimpleNamespace(header=SimpleNamespace(stamp=message.timestamp, frame_id=frame), **fields)
 
 
 def _packet(message: Any) -> Any:
@@ -280,25 +210,16 @@ def _packet(message: Any) -> Any:
 
 
 def _compressed(message: Any) -> Any:
-    return SimpleNamespace(header=_header(message, message.frame_id), format=message.format, data=message.data)
+    return _stamped(message, message.frame_id, format=message.format, data=message.data)
 
 
 def _video(message: Any) -> Any:
-    return SimpleNamespace(
-        header=_header(message, message.frame_id), format=as_video(message.format), data=message.data
-    )
+    return _stamped(message, message.frame_id, format=as_video(message.format), data=message.data)
 
 
 def _image(message: Any) -> Any:
-    return SimpleNamespace(
-        header=_header(message, message.frame_id),
-        height=message.height,
-        width=message.width,
-        encoding=message.encoding,
-        is_bigendian=0,
-        step=message.step,
-        data=message.data,
-    )
+    copied = {name: getattr(message, name) for name in ("height", "width", "encoding", "step", "data")}
+    return _stamped(message, message.frame_id, is_bigendian=0, **copied)
 
 
 def _camera_info(message: Any) -> Any:
@@ -307,33 +228,19 @@ def _camera_info(message: Any) -> Any:
     d, k, p = (np.asarray(getattr(message, name, getattr(message, name.upper(), ())), np.float64) for name in "dkp")
     if k.size not in (0, 9) or p.size not in (0, 12):
         raise ValueError(f"K has {k.size} numbers and P has {p.size}, expected 9 and 12")
-    return SimpleNamespace(
-        header=_header(message, message.frame_id),
-        width=message.width,
-        height=message.height,
-        distortion_model=message.distortion_model,
-        d=d,
-        k=k,
-        p=p,
-        roi=SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0),
-    )
+    copied = {name: getattr(message, name) for name in ("width", "height", "distortion_model")}
+    whole = SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0)
+    return _stamped(message, message.frame_id, d=d, k=k, p=p, roi=whole, **copied)
 
 
 def _transform(message: Any) -> Any:
-    return SimpleNamespace(
-        header=_header(message, message.parent_frame_id),
-        child_frame_id=message.child_frame_id,
-        transform=SimpleNamespace(translation=message.translation, rotation=_turn(message.rotation)),
-    )
-
-
-def _transforms(message: Any) -> Any:
-    return SimpleNamespace(transforms=[_transform(each) for each in message.transforms])
+    pose = SimpleNamespace(translation=message.translation, rotation=_turn(message.rotation))
+    return _stamped(message, message.parent_frame_id, child_frame_id=message.child_frame_id, transform=pose)
 
 
 def _pose(message: Any) -> Any:
     pose = SimpleNamespace(position=message.pose.position, orientation=_turn(message.pose.orientation))
-    return SimpleNamespace(header=_header(message, message.frame_id), pose=pose)
+    return _stamped(message, message.frame_id, pose=pose)
 
 
 def _turn(said: Any) -> Any:
@@ -341,37 +248,41 @@ def _turn(said: Any) -> Any:
     return said if any((said.x, said.y, said.z, said.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
 
-_FOXGLOVE: dict[str, tuple[str, _Convert]] = {
-    "CompressedImage": (COMPRESSED_IMAGE, _compressed),
-    "CompressedVideo": (COMPRESSED_IMAGE, _video),
-    "RawImage": (IMAGE, _image),
-    "CameraCalibration": (CAMERA_INFO, _camera_info),
-    "FrameTransform": (_TF, lambda message: SimpleNamespace(transforms=[_transform(message)])),
-    "FrameTransforms": (_TF, _transforms),
-    POSE_IN_FRAME: (_POSE_STAMPED, _pose),
-}
-"""ROS message type and conversion of each Foxglove schema."""
+class _Equivalent(NamedTuple):
+    msgtype: str
+    """Message type of ROS."""
+    converted: Callable[[Any], Any]
+    definition: str
+    """Definition of Foxglove's message in ROS."""
 
-_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 
 _STAMPED = "builtin_interfaces/Time timestamp\nstring frame_id\n"
-
-_MATRICES = "float64[] d\nfloat64[9] k\nfloat64[9] r\nfloat64[12] p\n"
-
-_DEFINITIONS = {
-    _ROS_FOXGLOVE + "CompressedImage": _STAMPED + "uint8[] data\nstring format\n",
-    _ROS_FOXGLOVE + "CompressedVideo": _STAMPED + "uint8[] data\nstring format\n",
-    _ROS_FOXGLOVE + "RawImage": _STAMPED + "uint32 width\nuint32 height\nstring encoding\nuint32 step\nuint8[] data\n",
-    _ROS_FOXGLOVE + "CameraCalibration": _STAMPED
-    + "uint32 width\nuint32 height\nstring distortion_model\n"
-    + _MATRICES,
-    _ROS_FOXGLOVE + "FrameTransform": (
-        "builtin_interfaces/Time timestamp\nstring parent_frame_id\nstring child_frame_id\n"
-        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
+_FOXGLOVE = {
+    "CompressedImage": _Equivalent(COMPRESSED_IMAGE, _compressed, f"{_STAMPED}uint8[] data\nstring format\n"),
+    "CompressedVideo": _Equivalent(COMPRESSED_IMAGE, _video, f"{_STAMPED}uint8[] data\nstring format\n"),
+    "RawImage": _Equivalent(
+        IMAGE, _image, f"{_STAMPED}uint32 width\nuint32 height\nstring encoding\nuint32 step\nuint8[] data\n"
     ),
-    _ROS_FOXGLOVE + "FrameTransforms": "foxglove_msgs/FrameTransform[] transforms",
-    _ROS_FOXGLOVE + POSE_IN_FRAME: _STAMPED + "geometry_msgs/Pose pose\n",
+    "CameraCalibration": _Equivalent(
+        CAMERA_INFO,
+        _camera_info,
+        f"{_STAMPED}uint32 width\nuint32 height\nstring distortion_model\nfloat64[] d\nfloat64[9] k\nfloat64[9] r\n"
+        "float64[12] p\n",
+    ),
+    "FrameTransform": _Equivalent(
+        _TF,
+        lambda message: SimpleNamespace(transforms=[_transform(message)]),
+        "builtin_interfaces/Time timestamp\nstring parent_frame_id\nstring child_frame_id\n"
+        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+    ),
+    "FrameTransforms": _Equivalent(
+        _TF,
+        lambda message: SimpleNamespace(transforms=[_transform(each) for each in message.transforms]),
+        "foxglove_msgs/FrameTransform[] transforms",
+    ),
+    POSE_IN_FRAME: _Equivalent("geometry_msgs/msg/PoseStamped", _pose, f"{_STAMPED}geometry_msgs/Pose pose\n"),
 }
+"""The message of ROS that each Foxglove message stands for."""
 
 _PACKETS = {
     True: "std_msgs/Header header\nuint8[] data\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n",
@@ -381,14 +292,3 @@ _PACKETS = {
     ),
 }
 """Definitions of FFMPEGPacket, which differ between ROS 1 and ROS 2."""
-
-
-def _typestore(*, ros1: bool) -> Typestore:
-    """Return the ROS message types, with the supported types of other makers."""
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
-    added = {**_DEFINITIONS, _PACKET: _PACKETS[ros1]}
-    if ros1:
-        added |= dict.fromkeys((_TF, "tf/msg/tfMessage"), _TRANSFORMS)
-    for name, definition in added.items():
-        store.register(get_types_from_msg(definition, name))
-    return store

@@ -3,10 +3,11 @@
 Owns which messages of such a topic are decoded, because each of them repeats the ones before.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from itertools import chain, pairwise
 from typing import Any
 
-from ltvn_core.data.importing.rosbag.bag_files import BagFiles, RawMessage
+from ltvn_core.data.importing.rosbag.bag_files import BagFiles
 from ltvn_core.data.importing.rosbag.bag_survey import ros_pose, stamp_s
 from ltvn_core.data.importing.spatial_pose import Transform, transform
 from ltvn_core.errors import DriveError
@@ -26,7 +27,9 @@ def path_poses(files: BagFiles, topic: str) -> Sequence[tuple[float, Transform]]
     Raises DriveError if the bag is damaged, or the poses have no stamps of their own.
     """
     found: dict[float, Transform] = {}
-    for raw in _last_of_each_growth(files, topic):
+    # The last message, and each one after which the path did not grow: its begin was cut off.
+    pairs = pairwise(chain(files.messages({topic}), [None]))
+    for raw in (raw for raw, after in pairs if raw is not None and (after is None or len(after.data) <= len(raw.data))):
         message = files.decode(raw)
         if not has_own_stamps(message):
             raise DriveError(
@@ -36,14 +39,3 @@ def path_poses(files: BagFiles, topic: str) -> Sequence[tuple[float, Transform]]
         posed = ((stamp_s(pose), transform(*ros_pose(pose))) for pose in message.poses)
         found |= {stamp: pose for stamp, pose in posed if pose is not None and stamp > 0}
     return sorted(found.items(), key=lambda item: item[0])
-
-
-def _last_of_each_growth(files: BagFiles, topic: str) -> Iterator[RawMessage]:
-    """Yield the last message, and each message after which the path did not grow: its begin was cut off."""
-    before: RawMessage | None = None
-    for raw in files.messages({topic}):
-        if before is not None and len(raw.data) <= len(before.data):
-            yield before
-        before = raw
-    if before is not None:
-        yield before

@@ -6,6 +6,7 @@ Owns the tree, and the limits for interpolating between two poses of a frame. In
 
 from bisect import bisect_right
 from collections.abc import Iterator
+from itertools import takewhile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,69 +35,43 @@ class MovingFrame:
 
     def __init__(self) -> None:
         """Begin without any pose."""
-        self._stamps: list[float] = []
-        self._poses: list[Transform] = []
+        self.stamps: list[float] = []
+        self.poses: list[Transform] = []
 
     @property
     def newest_s(self) -> float:
         """Stamp of the last pose; minus infinity without any."""
-        return self._stamps[-1] if self._stamps else float("-inf")
-
-    @property
-    def count(self) -> int:
-        """Number of known poses."""
-        return len(self._stamps)
-
-    @property
-    def first_s(self) -> float:
-        """Stamp of the first known pose; minus infinity without any."""
-        return self._stamps[0] if self._stamps else float("-inf")
-
-    @property
-    def is_still(self) -> bool:
-        """Whether there are poses, and all known ones are equal."""
-        return bool(self._poses) and np.allclose(self._poses, self._poses[-1])
-
-    @property
-    def last(self) -> Transform:
-        """Last pose; there must be one."""
-        return self._poses[-1]
+        return self.stamps[-1] if self.stamps else float("-inf")
 
     def add(self, stamp: float, pose: Transform) -> bool:
         """Add a pose; return False if it is not newer than the last one, and is therefore left out."""
         if stamp <= self.newest_s:
             return False
-        self._stamps.append(stamp)
-        self._poses.append(pose)
-        if len(self._stamps) > 2 * _KEPT:
-            del self._stamps[:_KEPT], self._poses[:_KEPT]
+        self.stamps.append(stamp)
+        self.poses.append(pose)
+        if len(self.stamps) > 2 * _KEPT:
+            del self.stamps[:_KEPT], self.poses[:_KEPT]
         return True
 
     def at(self, stamp: float) -> Transform | None:
         """Return the pose at a time; None if the known poses are too far from it."""
-        after = bisect_right(self._stamps, stamp)
-        if 0 < after < len(self._stamps):
+        after = bisect_right(self.stamps, stamp)
+        if 0 < after < len(self.stamps):
             return self._between(after, stamp)
-        if not self._stamps:
+        if not self.stamps:
             return None
         nearest = -1 if after else 0
-        return self._poses[nearest] if abs(self._stamps[nearest] - stamp) <= _LATEST_S else None
+        return self.poses[nearest] if abs(self.stamps[nearest] - stamp) <= _LATEST_S else None
 
     def _between(self, after: int, stamp: float) -> Transform | None:
-        begin = self._stamps[after - 1]
-        end = self._stamps[after]
-        first = self._poses[after - 1]
-        second = self._poses[after]
-        turn = Rotation.from_matrix([first[:3, :3], second[:3, :3]])
-        if end - begin > _LONGEST_GAP_S and not _stands(first, second, turn):
+        begin, end = self.stamps[after - 1 : after + 1]
+        places = np.array([pose[:3, 3] for pose in self.poses[after - 1 : after + 1]])
+        turns = Rotation.from_matrix([pose[:3, :3] for pose in self.poses[after - 1 : after + 1]])
+        turned_rad = float((turns[0].inv() * turns[1]).magnitude())
+        stands = float(np.linalg.norm(places[1] - places[0])) < _STANDING_M and turned_rad < _STANDING_RAD
+        if end - begin > _LONGEST_GAP_S and not stands:
             return None
-        places = np.array([first[:3, 3], second[:3, 3]])
-        return pose_between(places, turn, (stamp - begin) / (end - begin))
-
-
-def _stands(first: Transform, second: Transform, turn: Rotation) -> bool:
-    moved = float(np.linalg.norm(second[:3, 3] - first[:3, 3]))
-    return moved < _STANDING_M and float((turn[0].inv() * turn[1]).magnitude()) < _STANDING_RAD
+        return pose_between(places, turns, (stamp - begin) / (end - begin))
 
 
 class TransformTree:
@@ -138,26 +113,25 @@ class TransformTree:
 
         In Foxglove's files a pose holds until the next one; in ROS's files only at its stamp.
         """
-        if any(moving.count >= _SAID_OFTEN for moving in self._moving.values()):
-            for child in [child for child, moving in self._moving.items() if moving.count == 1]:
-                self._fixed[child] = self._moving.pop(child).last
-                self._settled.add(child)
+        if any(len(moving.poses) >= _SAID_OFTEN for moving in self._moving.values()):
+            for child in [child for child, moving in self._moving.items() if len(moving.poses) == 1]:
+                self._settle(child)
 
     def settle_still(self, camera_frame: str, robot: str) -> None:
         """Make the frames from the camera up to the robot fixed that never moved; old drivers repeat them on `/tf`."""
-        for child in self.ancestors(camera_frame):
-            if child == robot:
-                return
-            if child in self._moving and self._moving[child].is_still:
-                self._fixed[child] = self._moving.pop(child).last
-                self._settled.add(child)
+        for child in takewhile(lambda frame: frame != robot, self.ancestors(camera_frame)):
+            known = self._moving[child].poses if child in self._moving else []
+            if known and np.allclose(known, known[-1]):
+                self._settle(child)
+
+    def _settle(self, child: str) -> None:
+        self._fixed[child] = self._moving.pop(child).poses[-1]
+        self._settled.add(child)
 
     def first_s(self, frame: str) -> float:
         """Return the time from which the poses of a frame and its ancestors in the survey are known."""
-        return max(
-            (self._moving[each].first_s for each in self.ancestors(frame) if each in self._moving),
-            default=float("-inf"),
-        )
+        known = (self._moving[each].stamps[:1] for each in self.ancestors(frame) if each in self._moving)
+        return max((stamp for stamps in known for stamp in stamps), default=float("-inf"))
 
     @property
     def frames(self) -> set[str]:

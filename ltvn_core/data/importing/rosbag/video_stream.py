@@ -120,7 +120,8 @@ class VideoStream:
         except Exception:  # FFmpeg has a separate error for each kind of damage.
             found = None
         if found is None:
-            self._forget(packet.pts, self._reason(data))
+            is_foreign = self._has_start_codes and _START_CODE not in data
+            self._forget(packet.pts, DAMAGED if self._has_key or is_foreign else BEFORE_KEY_FRAME)
             self._awaits_key = True
             return []
         if len(self._pending) > _MOST_PENDING:
@@ -136,10 +137,6 @@ class VideoStream:
         for pts in list(self._pending):
             self._forget(pts, NO_PICTURE if self._has_key else BEFORE_KEY_FRAME)
         return found
-
-    def _reason(self, data: bytes) -> str:
-        is_foreign = self._has_start_codes and _START_CODE not in data
-        return DAMAGED if self._has_key or is_foreign else BEFORE_KEY_FRAME
 
     def _usable(self, frames: Any) -> list[PendingImage]:
         """Return the undamaged frames, with the headers of their packets; a decoder may reorder them."""

@@ -11,7 +11,7 @@ import sqlite3
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,18 +62,15 @@ class RigCamera(NamedTuple):
     def fitted(self, width: int, height: int) -> CameraModel:
         """Return the lens for images of this size. Raises CameraError."""
         if self.lens is not None:
-            return self.lens if (self.lens.width, self.lens.height) == (width, height) else self._scaled(width, height)
+            if abs(width / height / self.lens.aspect - 1) > 0.02:
+                raise CameraError(
+                    f"the images are {width} x {height}, but their calibration is for {self.lens.width} x "
+                    f"{self.lens.height}"
+                )
+            same = (self.lens.width, self.lens.height) == (width, height)
+            return self.lens if same else self.lens.scaled(width, height)
         fx, fy, cx, cy = self.focal
         return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
-
-    def _scaled(self, width: int, height: int) -> CameraModel:
-        assert self.lens is not None
-        if abs(width / height / self.lens.aspect - 1) > 0.02:
-            raise CameraError(
-                f"the images are {width} x {height}, but their calibration is for {self.lens.width} x "
-                f"{self.lens.height}"
-            )
-        return self.lens.scaled(width, height)
 
 
 def parse_pose(blob: object) -> Transform | None:
@@ -202,11 +199,15 @@ class RtabmapDatabase:
         """Open the file and check that it is RTAB-Map's."""
         self.path = path
         self._file = finished(path, self)
-        self._looks = 0
         tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {b"Node", b"Data", b"Admin"} <= tables:
             raise DriveError(f"{path} is not a database of RTAB-Map: it lacks its tables Node, Data and Admin.")
-        self.version = self._version()
+        (text,) = next(self._rows("SELECT version FROM Admin LIMIT 1"), (None,))
+        words = text.decode(errors="replace") if isinstance(text, bytes) else ""
+        numbers = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
+        if numbers is None:
+            raise DriveError(f"{path} is not a database of RTAB-Map: its version is {words!r:.40}.")
+        self.version = tuple(int(part or 0) for part in numbers.groups())
         if self.version < _OLDEST:
             raise DriveError(
                 f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, but only 0.10 and later are "
@@ -265,39 +266,26 @@ class RtabmapDatabase:
         }
         return {number: pose for number, pose in found.items() if pose is not None}
 
-    def _version(self) -> tuple[int, ...]:
-        (text,) = next(self._rows("SELECT version FROM Admin LIMIT 1"), (None,))
-        words = text.decode(errors="replace") if isinstance(text, bytes) else ""
-        found = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
-        if found is None:
-            raise DriveError(f"{self.path} is not a database of RTAB-Map: its version is {words!r:.40}.")
-        return tuple(int(part or 0) for part in found.groups())
-
     def _columns(self, table: str) -> set[str]:
         return {row[1].decode(errors="replace") for row in self._rows(f"PRAGMA table_info({table})")}
 
     def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[tuple[Any, ...]]:
-        self._looks = 0
-        with self._explained(), closing(self._connect()) as connection:
-            yield from connection.execute(query, values)
+        looks = 0
 
-    def _connect(self) -> sqlite3.Connection:
-        connection = sqlite3.connect(f"{self._file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
-        connection.text_factory = bytes
-        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOB_BYTES)
-        connection.execute("PRAGMA trusted_schema = OFF")
-        connection.set_progress_handler(self._watch, _MOST_STEPS)
-        return connection
+        def watch() -> int:
+            """Stop a query that takes minutes; a malicious table could make it run forever."""
+            nonlocal looks
+            looks += 1
+            return int(looks > _MOST_LOOKS)
 
-    def _watch(self) -> int:
-        """Stop a query that takes minutes; a malicious table could make it run forever."""
-        self._looks += 1
-        return int(self._looks > _MOST_LOOKS)
-
-    @contextmanager
-    def _explained(self) -> Iterator[None]:
         try:
-            yield
+            file = f"{self._file.resolve().as_uri()}?mode=ro&immutable=1"
+            with closing(sqlite3.connect(file, uri=True)) as connection:
+                connection.text_factory = bytes
+                connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOB_BYTES)
+                connection.execute("PRAGMA trusted_schema = OFF")
+                connection.set_progress_handler(watch, _MOST_STEPS)
+                yield from connection.execute(query, values)
         except (sqlite3.Error, OverflowError, MemoryError, UnicodeError, ValueError) as error:
             raise DriveError(
                 f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if RTAB-Map was stopped "

@@ -55,7 +55,9 @@ class ExportFiles:
         """Return the export in a folder; None if it holds none."""
         if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout also has these folders.
             return None
-        for rgb in _folders(folder):
+        # The colours are in the export itself, or one folder below.
+        found = [each for name in ("rgb", "*_rgb", "*/rgb") for each in sorted(folder.glob(name)) if each.is_dir()]
+        for rgb in found:
             prefix = rgb.name.removesuffix("rgb")
             near = [f"{root}/{prefix}" for root in dict.fromkeys((rgb.parent, folder))]
             lens = _first(near, ("calib", "calibration.yaml", "calib.yaml"))
@@ -63,27 +65,13 @@ class ExportFiles:
             if lens is None and (confidence is None or not confidence.is_dir()):
                 continue
             poses = _first(near, (_CAMERA_POSES, _POSES)) or next(iter(sorted(folder.glob(f"*_{_POSES}"))), None)
-            return cls(
-                rgb=rgb,
-                depth=_first(near, ("depth",)),
-                confidence=confidence,
-                lens=lens,
-                poses=poses,
-            )
+            return cls(rgb=rgb, depth=_first(near, ("depth",)), confidence=confidence, lens=lens, poses=poses)
         return None
 
     def images(self) -> Sequence[Path]:
         """Return the colour images, sorted by their numbers or stamps."""
         found = (path for path in self.rgb.iterdir() if path.suffix.lower() in _COLOUR_SUFFIXES)
         return sorted(found, key=lambda path: (_number(path) is None, _number(path) or 0.0, path.name))
-
-    def depth_of(self, image: Path) -> Path | None:
-        """Return the depth image of a colour image; None if there is none."""
-        return _partner(self.depth, image)
-
-    def confidence_of(self, image: Path) -> Path | None:
-        """Return the confidence file of an image's depth; None if there is none."""
-        return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
         """Return the lens file of an image; None if there is none."""
@@ -131,7 +119,11 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
             f"{path} has {len(rows)} poses for {len(images)} images, and no stamp or number that says which pose "
             "belongs to which image. Export both again with `rtabmap-export --images_id --poses_camera FILE.db`."
         )
-    in_order = list(by_stamp.values()) if by_stamp else [ExportedPose(None, _matrix(numbers, path)) for numbers in rows]
+    in_order = list(by_stamp.values())
+    for numbers in [] if by_stamp else rows:
+        in_order.append(ExportedPose(None, np.vstack([numbers.reshape(3, 4), [0, 0, 0, 1]])))
+        if not is_rigid(in_order[-1].pose):
+            raise DriveError(f"{path}: {numbers[:4]} ... is not a pose; its rows must be r11 r12 r13 tx, and so on.")
     return dict(zip(images, in_order, strict=False))
 
 
@@ -173,19 +165,6 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
         yield numbers
 
 
-def _matrix(numbers: NDArray[np.float64], path: Path) -> Transform:
-    matrix = np.vstack([numbers.reshape(3, 4), [0, 0, 0, 1]])
-    if not is_rigid(matrix):
-        raise DriveError(f"{path}: {numbers[:4]} ... is not a pose; its rows must be r11 r12 r13 tx, and so on.")
-    return matrix
-
-
-def _folders(folder: Path) -> Iterator[Path]:
-    """Yield the folders that may hold the colours: in the export itself, or one folder below."""
-    yield from (path for path in sorted(folder.glob("rgb")) + sorted(folder.glob("*_rgb")) if path.is_dir())
-    yield from (path for path in sorted(folder.glob("*/rgb")) if path.is_dir())
-
-
 def _first(beginnings: Sequence[str], names: Sequence[str]) -> Path | None:
     """Return the first existing path that consists of one of the beginnings and one of the names."""
     paths = (Path(f"{beginning}{name}") for name in names for beginning in beginnings)
@@ -218,7 +197,10 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     paths = files.images()
     if not paths:
         raise DriveError(f"{files.rgb} holds no images (.jpg or .png).")
-    found = {} if files.poses is None else read_poses(_within(folder, files.poses), paths)
+    found: Mapping[Path, ExportedPose] = {}
+    if files.poses is not None:
+        require_within(files.poses, folder)
+        found = read_poses(files.poses, paths)
     doubts: list[str] = []
     stamps = _known_stamps(paths, found, options, doubts)
     if missing := len(paths) - len(stamps):
@@ -240,17 +222,13 @@ def _listed_drive(folder: Path, options: ReadOptions) -> FileDrive:
     )
 
 
-def _is_export(path: Path) -> bool:
-    return ExportFiles.find(path) is not None
-
-
-EXPORT = FolderFormat(_is_export, _listed_drive)
+EXPORT = FolderFormat(lambda path: ExportFiles.find(path) is not None, _listed_drive)
 """Folders that RTAB-Map exported."""
 
 
 def _listed_frame(folder: Path, files: ExportFiles, image: Path, stamp: float, track: PoseTrack | None) -> ListedFrame:
-    depth = files.depth_of(image)
-    confidence = files.confidence_of(image)
+    depth = _partner(files.depth, image)
+    confidence = _partner(files.confidence, image)
     lens = files.lens_of(image)
     return ListedFrame(
         colour=str(image.relative_to(folder)),
@@ -288,17 +266,19 @@ def _track(
     if not found or files.poses is None:
         return None
     lens = files.lens_of(next(iter(found)))
+    if lens is not None:
+        require_within(lens, folder)
     matrices = camera_poses(
         np.stack([pose.pose for pose in found.values()]),
         are_of_camera=files.poses.name.endswith(_CAMERA_POSES),
-        camera_on_robot=None if lens is None else CalibrationYaml(_within(folder, lens)).transform("local_transform"),
+        camera_on_robot=None if lens is None else CalibrationYaml(lens).transform("local_transform"),
     )
     times, rows = np.unique([stamps[image] for image in found], return_index=True)
     return PoseTrack(times, matrices[rows, :3, 3], Rotation.from_matrix(matrices[rows, :3, :3]))
 
 
 def _streams(files: ExportFiles, images: Sequence[Path], poses: int, rate: float | None) -> list[SourceFact]:
-    depths = sum(files.depth_of(image) is not None for image in images)
+    depths = sum(_partner(files.depth, image) is not None for image in images)
     streams = (
         SourceFact("rgb", files.rgb.name, len(images), rate),
         SourceFact("depth", "" if files.depth is None else files.depth.name, depths, rate),
@@ -307,14 +287,10 @@ def _streams(files: ExportFiles, images: Sequence[Path], poses: int, rate: float
     return [stream for stream in streams if stream.count]
 
 
-def _within(folder: Path, path: Path) -> Path:
-    require_within(path, folder)
-    return path
-
-
 def _described_lens(folder: Path, path: Path, width: int, height: int) -> CameraModel:
     """Return the lens in a file of OpenCV's FileStorage; without a size in the file, for images of the given size."""
-    said = CalibrationYaml(_within(folder, path))
+    require_within(path, folder)
+    said = CalibrationYaml(path)
     try:
         matrix = np.reshape(said.numbers("camera_matrix"), (3, 3)).tolist()
         size = (int(said.word("image_width") or 0) or width, int(said.word("image_height") or 0) or height)

@@ -14,8 +14,7 @@ from pathlib import Path
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.reports.evaluation_figures import figures_of
 from ltvn_core.evaluation.reports.evaluation_files import find_results
-from ltvn_core.evaluation.reports.evaluation_page import report_tables
-from ltvn_core.evaluation.reports.evaluation_tables import NO_RESULTS, overall_table
+from ltvn_core.evaluation.reports.evaluation_tables import NO_RESULTS, overall_table, report_tables
 from ltvn_core.evaluation.reports.figure_style import (
     FIGURE_PALETTE,
     FigurePalette,

@@ -84,17 +84,6 @@ StepCallback = Callable[[SimulatedRobot], None]
 """Called after each control step."""
 
 
-def _advance(robot: SimulatedRobot, checkpoints: Checkpoints, on_step: StepCallback | None) -> None:
-    robot.advance(CONTROL_STEP_S)
-    checkpoints.see(robot.exact_pose)
-    if on_step is not None:
-        on_step(robot)
-
-
-def _unwrapped(robot: Robot) -> Robot:
-    return robot
-
-
 class EpisodeRunner:
     """Runs queries with one map."""
 
@@ -135,7 +124,7 @@ class EpisodeRunner:
         rng: np.random.Generator,
         *,
         on_event: EventCallback | None = None,
-        wrap_robot: Callable[[Robot], Robot] = _unwrapped,
+        wrap_robot: Callable[[Robot], Robot] | None = None,
         first_frame: FrameId | None = None,
         on_step: StepCallback | None = None,
     ) -> QueryResult:
@@ -144,58 +133,68 @@ class EpisodeRunner:
         Images are numbered from `first_frame`, by default after all earlier ones. `on_step` sees the robot after each
         control step.
         """
-        if plan.goal not in self.map.graph.nodes:
-            return self._without_goal(query, plan)
+        start, goal = np.array(plan.start_pose), np.array(plan.goal_pose)
+        checkpoints = Checkpoints(self.scene.clearance, start, goal)
+        shortest = shortest_m(self.scene.clearance, start, goal)
+        if plan.goal not in self.map.graph.nodes:  # The robot does not start.
+            judged = judge_goal_reached(query, start, goal)
+            return QueryResult(
+                query=query,
+                start=plan.start,
+                goal=plan.goal,
+                reached=False,
+                outcome=Outcome.NO_PATH.value,
+                failure=FailureCause.NO_PATH,
+                trigger=FailureCause.NO_PATH,
+                shortest_m=shortest,
+                position_error_m=judged.position_error_m,
+                yaw_error_rad=judged.yaw_error_rad,
+                checkpoints=checkpoints.count,
+                crossed=0,
+                localised=0,
+                mislocalised=0,
+            )
         classifier = FailureClassifier(self.truth, self.map.graph)
-        with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
-            looking = wrap_robot(self._looking(robot, query))
-            navigator = self.map.navigator(looking, seed=rng, bystanders=self._bystanders, world_time=self._world_time)
-            checkpoints = self._checkpoints(plan)
+        world = self._world
+        robot = SimulatedRobot(
+            self.scene,
+            self.camera,
+            start=start,
+            rng=rng,
+            odometry_noise=self.noise,
+            first_step=self._next_frame if first_frame is None else first_frame,
+            world=world,
+            body=self.body,
+        )
+        with closing(robot):
+            looking = PerturbedRobot(robot, self._perturbations, seed=query) if self._perturbations else robot
+            navigator = self.map.navigator(
+                looking if wrap_robot is None else wrap_robot(looking),
+                seed=rng,
+                bystanders=self._bystanders,
+                world_time=None if world is None else lambda: world.time_s,
+            )
 
             def consume_event(event: Event) -> None:
                 classifier.consume(event, robot.exact_pose)
                 if on_event is not None:
                     on_event(event, robot)
 
+            def advance() -> None:
+                robot.advance(CONTROL_STEP_S)
+                checkpoints.see(robot.exact_pose)
+                if on_step is not None:
+                    on_step(robot)
+
             result = run_query(
                 navigator,
                 plan.goal,
                 query,
-                advance=lambda: _advance(robot, checkpoints, on_step),
-                verdict=lambda: judge_goal_reached(query, robot.exact_pose, np.array(plan.goal_pose)),
+                advance=advance,
+                verdict=lambda: judge_goal_reached(query, robot.exact_pose, goal),
                 consume=consume_event,
             )
             self._next_frame = max(self._next_frame, robot.step + 1)
-        return self._judged(plan, result, classifier, checkpoints)
-
-    def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
-        return SimulatedRobot(
-            self.scene,
-            self.camera,
-            start=np.array(plan.start_pose),
-            rng=rng,
-            odometry_noise=self.noise,
-            first_step=first_frame,
-            world=self._world,
-            body=self.body,
-        )
-
-    @property
-    def _world_time(self) -> Callable[[], float] | None:
-        world = self._world
-        return None if world is None else lambda: world.time_s
-
-    def _looking(self, robot: SimulatedRobot, query: int) -> Robot:
-        """Return the robot with the perturbations of its camera."""
-        return PerturbedRobot(robot, self._perturbations, seed=query) if self._perturbations else robot
-
-    def _checkpoints(self, plan: EpisodePlan) -> Checkpoints:
-        return Checkpoints(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
-
-    def _judged(
-        self, plan: EpisodePlan, result: QueryResult, classifier: FailureClassifier, checkpoints: Checkpoints
-    ) -> QueryResult:
-        """Add the evaluation of a query by the ground truth."""
         cause = classifier.failure(result)
         # The criterion includes the robot's own decision: being at the goal by chance at the step limit does not count.
         reached = result.reached and result.outcome == Outcome.ARRIVED
@@ -205,35 +204,12 @@ class EpisodeRunner:
             reached=reached,
             failure=None if reached else cause,
             trigger=None if reached else classifier.trigger,
-            shortest_m=self._shortest(plan),
+            shortest_m=shortest,
             checkpoints=checkpoints.count,
             crossed=checkpoints.crossed,
             localised=classifier.localised,
             mislocalised=classifier.mislocalised,
         )
-
-    def _without_goal(self, query: int, plan: EpisodePlan) -> QueryResult:
-        """Return the result of an episode whose goal is not a node of the map; the robot does not start."""
-        judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
-        return QueryResult(
-            query=query,
-            start=plan.start,
-            goal=plan.goal,
-            reached=False,
-            outcome=Outcome.NO_PATH.value,
-            failure=FailureCause.NO_PATH,
-            trigger=FailureCause.NO_PATH,
-            shortest_m=self._shortest(plan),
-            position_error_m=judged.position_error_m,
-            yaw_error_rad=judged.yaw_error_rad,
-            checkpoints=self._checkpoints(plan).count,
-            crossed=0,
-            localised=0,
-            mislocalised=0,
-        )
-
-    def _shortest(self, plan: EpisodePlan) -> float:
-        return shortest_m(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
 
 
 def episode_rng(seed: int, episode: int) -> np.random.Generator:

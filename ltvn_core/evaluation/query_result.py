@@ -1,20 +1,19 @@
 """The result of a query, as one row of a table, and the log of such rows.
 
 Each runner of queries fills the columns that it knows. Field names are the keys of the JSON files and of the logs, so
-they must not change; `CONVERTER` reads older keys. The log of an unfinished test has one line of JSON per query,
+they must not change. The log of an unfinished test has one line of JSON per query,
 written to disk as soon as the query is over. A restarted test reads the log and runs only the missing queries. Several
 processes that share a folder may append to one log; if a query has two lines, the last line counts.
 """
 
 import json
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
 import cattrs
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
+from cattrs.gen import make_dict_unstructure_fn
 
 from ltvn_core.errors import OptionError
 from ltvn_core.structured_text import parse_json
@@ -199,20 +198,6 @@ class QueryResult:
 
 CONVERTER = cattrs.Converter(forbid_extra_keys=True)
 """Reads and writes results of evaluations; columns with default values are not written."""
-
-_OLDER_COLUMNS = {"episode": "query", "number": "query", "away_m": "position_error_m", "added": "added_edges"}
-"""Keys of older rows. The older `added` counts nodes and edges together."""
-
-
-def _read_older(kind: type, older: Mapping[str, str]) -> None:
-    """Accept older keys in records of a kind."""
-    read = make_dict_structure_fn(kind, CONVERTER, _cattrs_forbid_extra_keys=True)
-    CONVERTER.register_structure_hook(
-        kind, lambda found, _: read({older.get(name, name): value for name, value in found.items()}, kind)
-    )
-
-
-_read_older(QueryResult, _OLDER_COLUMNS)
 CONVERTER.register_unstructure_hook(
     QueryResult, make_dict_unstructure_fn(QueryResult, CONVERTER, _cattrs_omit_if_default=True)
 )

@@ -7,11 +7,9 @@ writes no file.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import (
@@ -37,7 +35,6 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.map_check import MappedDrive, diagnose
 from ltvn_core.maps.map_coverage import map_coverage
 from ltvn_core.predictors.request import predictor_card
-from ltvn_core.training.drive_path import TrueViews
 from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
@@ -77,93 +74,6 @@ class Judgement:
     built: JudgedMap
 
 
-class _Rows(NamedTuple):
-    looks: NDArray[np.intp]
-    """Rows of the images that are localised in the map."""
-    mapped: NDArray[np.intp]
-    """Rows of the images that the map is built from."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Judge:
-    """Evaluates one predictor on source images and target images."""
-
-    looking: JudgedSequence
-    mapped: JudgedSequence
-    predictor: Predictor
-    system: NavigationSystem
-    plan: JudgementPlan
-    bars: ProgressBars
-
-    @cached_property
-    def targets(self) -> Features:
-        """Features of the target images."""
-        return self._encoded("encode", self.mapped)
-
-    @cached_property
-    def rows(self) -> "_Rows":
-        """Rows of the images that are localised in the map, and of those that the map is built from."""
-        count = len(self.mapped.observations)
-        if self.looking is not self.mapped:
-            return _Rows(np.arange(len(self.looking.observations)), np.arange(count))
-        left_out = choose_evenly(np.arange(count), max(int(self.plan.left_out * count), 1), self._rng(0))
-        return _Rows(left_out, np.setdiff1d(np.arange(count), left_out))
-
-    def run(self) -> Judgement:
-        """Evaluate the images."""
-        sources = self.targets if self.looking is self.mapped else self._encoded("encode looks", self.looking)
-        pairs = self._pair_accuracy(sources)
-        built = self._built()
-        return Judgement(
-            pairs=pairs, map=self._map_accuracy(built), localisation=self._localisation(sources, built), built=built
-        )
-
-    def _pair_accuracy(self, sources: Features) -> PairAccuracy | None:
-        looking = self.looking.views
-        mapped = self.mapped.views
-        if looking is None or mapped is None:
-            return None
-        most = PairCounts(near=max(self.plan.pairs // _FAR_PER_NEAR, 1), far=self.plan.pairs)
-        sample = sample_pairs(looking, mapped, most=most, rng=self._rng(1))
-        building = self.system.method.building
-        with self.bars("compare", len(sample.sources), "pair") as progress:
-            scores = score_pairs(self.predictor, sources, self.targets, sample, building, progress=progress)
-        return pair_accuracy(scores, building, self._rng(2))
-
-    def _encoded(self, step: str, sequence: JudgedSequence) -> Features:
-        with self.bars(step, len(sequence.observations), "image") as progress:
-            return encode_sequence(self.predictor, sequence.observations, progress)
-
-    def _built(self) -> JudgedMap:
-        rows = self.rows.mapped
-        with self.bars("build", len(rows), "image") as progress:
-            return build_judged_map(
-                [self.mapped.observations[row] for row in rows],
-                self.targets[rows],
-                _taken(self.mapped.views, rows),
-                predictor=self.predictor,
-                system=self.system,
-                rng=self._rng(5),
-                progress=_further(progress),
-            )
-
-    def _map_accuracy(self, built: JudgedMap) -> MapAccuracy:
-        with self.bars("recognise", len(built.observations), "image") as progress:
-            return map_accuracy(built, progress=_further(progress))
-
-    def _localisation(self, sources: Features, built: JudgedMap) -> LocalisationAccuracy | None:
-        views = _taken(self.looking.views, self.rows.looks)
-        if views is None or built.views is None:
-            return None
-        with self.bars("localise", len(self.rows.looks), "image") as progress:
-            return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
-
-    def _rng(self, purpose: int) -> np.random.Generator:
-        """Return a random generator for one purpose, so that the draws for one purpose do not change those for
-        another."""
-        return np.random.default_rng([self.plan.seed, purpose])
-
-
 def judge(
     looking: JudgedSequence,
     mapped: JudgedSequence,
@@ -181,11 +91,46 @@ def judge(
     Raises:
         MapError: No map can be built from the images.
     """
-    return _Judge(looking=looking, mapped=mapped, predictor=predictor, system=system, plan=plan, bars=bars).run()
 
+    def rng(purpose: int) -> np.random.Generator:
+        # One generator for each purpose, so that the draws for one do not change those for another.
+        return np.random.default_rng([plan.seed, purpose])
 
-def _taken(views: TrueViews | None, rows: NDArray[np.intp]) -> TrueViews | None:
-    return None if views is None else views.take(rows)
+    def encoded(step: str, sequence: JudgedSequence) -> Features:
+        with bars(step, len(sequence.observations), "image") as progress:
+            return encode_sequence(predictor, sequence.observations, progress)
+
+    targets = encoded("encode", mapped)
+    sources = targets if looking is mapped else encoded("encode looks", looking)
+    looks, built_from = np.arange(len(looking.observations)), np.arange(len(mapped.observations))
+    if looking is mapped:
+        looks = choose_evenly(built_from, max(int(plan.left_out * len(built_from)), 1), rng(0))
+        built_from = np.setdiff1d(built_from, looks)
+
+    pairs = localisation = None
+    if looking.views is not None and mapped.views is not None:
+        most = PairCounts(near=max(plan.pairs // _FAR_PER_NEAR, 1), far=plan.pairs)
+        sample = sample_pairs(looking.views, mapped.views, most=most, rng=rng(1))
+        building = system.method.building
+        with bars("compare", len(sample.sources), "pair") as progress:
+            scores = score_pairs(predictor, sources, targets, sample, building, progress=progress)
+        pairs = pair_accuracy(scores, building, rng(2))
+    with bars("build", len(built_from), "image") as progress:
+        built = build_judged_map(
+            [mapped.observations[row] for row in built_from],
+            targets[built_from],
+            None if mapped.views is None else mapped.views.take(built_from),
+            predictor=predictor,
+            system=system,
+            rng=rng(5),
+            progress=_further(progress),
+        )
+    with bars("recognise", len(built.observations), "image") as progress:
+        found = map_accuracy(built, progress=_further(progress))
+    if looking.views is not None and built.views is not None:
+        with bars("localise", len(looks), "image") as progress:
+            localisation = localisation_accuracy(built, sources[looks], looking.views.take(looks), progress=progress)
+    return Judgement(pairs=pairs, map=found, localisation=localisation, built=built)
 
 
 def _further(progress: Callable[[int], object]) -> ProgressCallback:

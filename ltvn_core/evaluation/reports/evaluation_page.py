@@ -13,17 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ltvn_core.evaluation.reports.evaluation_figures import figures_of
-from ltvn_core.evaluation.reports.evaluation_tables import (
-    ReportTable,
-    cause_table,
-    lifelong_table,
-    main_table,
-    margin_table,
-    percent,
-    recognition_table,
-    run_table,
-    size_table,
-)
+from ltvn_core.evaluation.reports.evaluation_tables import percent, report_tables
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.evaluation.reports.figure_style import (
     FigurePalette,
@@ -32,13 +22,12 @@ from ltvn_core.evaluation.reports.figure_style import (
 )
 from ltvn_core.evaluation.reports.result_rows import (
     ResultRow,
-    group_lifelong,
+    grouped,
     rows_of,
     rows_over_scenes,
     scenes_of,
     static_tests,
 )
-from ltvn_core.evaluation.reports.world_tables import people_table, world_run_table, world_table
 from ltvn_core.evaluation.results import Run
 
 
@@ -53,7 +42,7 @@ def render_page(runs: Sequence[Run], failures: Sequence[FailureRow], palette: Fi
         headline=headline(rows_of(runs)),
         pictures=pictures,
         **{name.replace("-", "_"): table for name, table in report_tables(runs).items()},
-        groups=_grouped(failures),
+        groups=grouped(failures, lambda row: f"{row.scene}: {row.heading}"),
         shown=len(failures),
         failed=sum(not episode.reached for trial in static_tests(runs) for episode in trial.episodes),
     )
@@ -80,28 +69,3 @@ def _template(folder: Path) -> Any:
     world.filters["data_address"] = data_url
     world.filters["beside"] = lambda path: quote(os.path.relpath(path, folder))
     return world.get_template("report.html")
-
-
-def _grouped(rows: Sequence[FailureRow]) -> dict[str, list[FailureRow]]:
-    groups: dict[str, list[FailureRow]] = {}
-    for row in rows:
-        groups.setdefault(f"{row.scene}: {row.heading}", []).append(row)
-    return groups
-
-
-def report_tables(runs: Sequence[Run]) -> dict[str, ReportTable]:
-    """Return all tables by name."""
-    worlds = [run for run in runs if run.columns.world]
-    rows = rows_of(runs)
-    return {
-        "main": main_table(rows),
-        "margins": margin_table(rows),
-        "sizes": size_table(rows),
-        "causes": cause_table(rows),
-        "recognition": recognition_table(rows),
-        "lifelong": lifelong_table(group_lifelong(runs)),
-        "runs": run_table(runs),
-        "worlds": world_table(worlds),
-        "people": people_table(worlds),
-        "world-runs": world_run_table(worlds),
-    }

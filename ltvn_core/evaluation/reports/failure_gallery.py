@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
-from ltvn_core.evaluation.reports.result_rows import TrialSetup, order_of, scene_name, setup_of
+from ltvn_core.evaluation.reports.result_rows import grouped, order_of, scene_name, setup_of
 from ltvn_core.evaluation.results import TestedMap
 
 _QUESTION = "edge"
@@ -90,9 +90,7 @@ def select_failures(rows: Sequence[FailureRow], most: int) -> tuple[FailureRow, 
 
     Rows are taken from each cause in turn, so that every cause is represented. Rows with a recording come first.
     """
-    groups: dict[TrialSetup, list[FailureRow]] = {}
-    for row in rows:
-        groups.setdefault(setup_of(row.trial), []).append(row)
+    groups = grouped(rows, lambda row: setup_of(row.trial))
     return tuple(row for setup in sorted(groups, key=order_of) for row in _in_turn(groups[setup])[:most])
 
 

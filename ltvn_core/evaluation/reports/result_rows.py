@@ -4,22 +4,26 @@ A row or group holds all map seeds. Owns the grouping, the order of rows and the
 writes nothing.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import PurePath
-
-import numpy as np
+from typing import TypeVar
 
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
 from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.evaluation.results import OWN_MAINTENANCE, EdgeCalibrationBin, Run, TestedMap
+from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
+from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 from ltvn_core.systems.registry import known_system, system_names
 
 ALL_SCENES = "all scenes"
 """Scene name of a row over all scenes."""
+
+_Item = TypeVar("_Item")
+_Key = TypeVar("_Key", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,21 @@ class TrialSetup:
         return f"{tuned}, {self.queries:,} queries" if self.queries else tuned
 
 
+@dataclass(frozen=True, slots=True)
+class MaintenanceInterval:
+    """Changes of the map by the queries between two tests, mean over the runs."""
+
+    first: int
+    until: int
+    """Numbers of queries before the first test and before the second test."""
+    pruned: float
+    pruned_bad: float
+    """Mean number of pruned edges that are spurious or that the robot could not drive."""
+    added_edges: float
+    added_spurious: float
+    """Mean number of added edges that are spurious."""
+
+
 @dataclass(frozen=True)
 class ResultRow:
     """All trials of one setup."""
@@ -53,6 +72,8 @@ class ResultRow:
     setup: TrialSetup
     trials: tuple[TestedMap, ...]
     """Trials, one for each map seed; in a row over all scenes, one for each scene and seed."""
+    change: MaintenanceInterval | None = None
+    """Changes of the map since the previous test of a lifelong group."""
 
     @cached_property
     def metrics(self) -> EvaluationMetrics:
@@ -63,11 +84,6 @@ class ResultRow:
     def success(self) -> Estimate:
         """Share of the episodes whose goal was reached."""
         return self.metrics.success_rate
-
-    @property
-    def images(self) -> float:
-        """Mean number of images of the mapping drives."""
-        return float(np.mean([trial.images for trial in self.trials]))
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -140,14 +156,10 @@ def rows_of(runs: Iterable[Run]) -> tuple[ResultRow, ...]:
 def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
     """Group rows of the same method, stage and conditions over all scenes; skip groups that lack a scene."""
     trials = [trial for row in rows for trial in row.trials]
-    scenes: dict[str, set[str]] = {}
-    for trial in trials:
-        scenes.setdefault(_under(ALL_SCENES, trial), set()).add(trial.columns.scene)
-    whole = _gathered(trials, lambda trial: replace(setup_of(trial), scene=_under(ALL_SCENES, trial)))
-    found = [(row, scenes[row.setup.scene]) for row in whole]
-    return tuple(
-        row for row, all_of in found if len(all_of) > 1 and {trial.columns.scene for trial in row.trials} == all_of
-    )
+    place = partial(_under, ALL_SCENES)
+    scenes = {name: {each.columns.scene for each in found} for name, found in grouped(trials, place).items()}
+    whole = _gathered(trials, lambda trial: replace(setup_of(trial), scene=place(trial)))
+    return tuple(row for row in whole if len(row.scenes) > 1 and row.scenes == scenes[row.setup.scene])
 
 
 def methods_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
@@ -161,13 +173,19 @@ def scenes_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
 
 
 def _gathered(trials: Iterable[TestedMap], key: Callable[[TestedMap], TrialSetup]) -> tuple[ResultRow, ...]:
-    groups: dict[TrialSetup, list[TestedMap]] = {}
-    for trial in trials:
-        groups.setdefault(key(trial), []).append(trial)
     rows = [
-        ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.columns.seed))) for setup, found in groups.items()
+        ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.columns.seed)))
+        for setup, found in grouped(trials, key).items()
     ]
     return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
+
+
+def grouped(items: Iterable[_Item], key: Callable[[_Item], _Key]) -> dict[_Key, list[_Item]]:
+    """Return items by their key, keys and items in order of appearance."""
+    groups: dict[_Key, list[_Item]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups
 
 
 def _method_order(setup: TrialSetup) -> tuple[object, ...]:
@@ -189,41 +207,27 @@ class LifelongGroup:
 
     def points(self) -> tuple[ResultRow, ...]:
         """Return the static tests of all runs as rows, by the number of queries before each test."""
-        found: dict[int, list[TestedMap]] = {}
-        for run in self.runs:
-            for point in run.maps:
-                found.setdefault(point.after, []).append(point)
-        return tuple(ResultRow(setup_of(points[0]), tuple(points)) for _, points in sorted(found.items()))
-
-
-@dataclass(frozen=True, slots=True)
-class MaintenanceInterval:
-    """Changes of the map by the queries between two tests, mean over the runs."""
-
-    first: int
-    until: int
-    """Numbers of queries before the first test and before the second test."""
-    pruned: float
-    pruned_bad: float
-    """Mean number of pruned edges that are spurious or that the robot could not drive."""
-    added_edges: float
-    added_spurious: float
-    """Mean number of added edges that are spurious."""
+        found = grouped((point for run in self.runs for point in run.maps), lambda point: point.after)
+        changes = {change.until: change for change in maintenance_intervals(self)}
+        return tuple(
+            ResultRow(replace(setup_of(points[0]), method=self.method), tuple(points), changes.get(after))
+            for after, points in sorted(found.items())
+        )
 
 
 def group_lifelong(results: Iterable[Run]) -> tuple[LifelongGroup, ...]:
     """Group the runs with maintenance in a scene that does not change by scene, then method."""
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for result in results:
-        if result.queries and result.columns.world is None:
-            setup = setup_of(result.maps[0])
-            maintenance = result.columns.maintenance
-            method = setup.method + (f", {maintenance} maintenance" if maintenance != OWN_MAINTENANCE else "")
-            groups.setdefault((setup.scene, method), []).append(result)
+    changing = [run for run in results if run.queries and run.columns.world is None]
     return tuple(
         LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.columns.seed)))
-        for (scene, method), runs in sorted(groups.items())
+        for (scene, method), runs in sorted(grouped(changing, _place_and_method).items())
     )
+
+
+def _place_and_method(run: Run) -> tuple[str, str]:
+    setup = setup_of(run.maps[0])
+    maintenance = run.columns.maintenance
+    return setup.scene, setup.method + (f", {maintenance} maintenance" if maintenance != OWN_MAINTENANCE else "")
 
 
 def maintenance_intervals(group: LifelongGroup) -> tuple[MaintenanceInterval, ...]:
@@ -239,10 +243,7 @@ def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[
 
 def calibration_of(points: Iterable[TestedMap]) -> tuple[EdgeCalibrationBin, ...]:
     """Add up the calibration of p over several tests, without empty bins."""
-    found: dict[tuple[float, float], list[EdgeCalibrationBin]] = {}
-    for point in points:
-        for cell in point.calibration:
-            found.setdefault((cell.low, cell.high), []).append(cell)
+    found = grouped((cell for point in points for cell in point.calibration), lambda cell: (cell.low, cell.high))
     return tuple(_added_up(cells) for _, cells in sorted(found.items()) if sum(cell.edges for cell in cells))
 
 
@@ -275,3 +276,53 @@ def _added_up(cells: Sequence[EdgeCalibrationBin]) -> EdgeCalibrationBin:
     mean_p = sum(cell.edges * cell.mean_p for cell in cells) / edges
     drivable = sum(cell.edges * cell.drivable for cell in cells) / edges
     return EdgeCalibrationBin(low=cells[0].low, high=cells[0].high, edges=edges, mean_p=mean_p, drivable=drivable)
+
+
+@dataclass(frozen=True)
+class WorldRow:
+    """The queries of one maintenance in a changing world, in one scene or in all of them."""
+
+    world: str
+    """Name of the world, and its number of days."""
+    scene: str
+    """Display name of the scene, or `ALL_SCENES`."""
+    maintenance: str
+    runs: tuple[Run, ...]
+    """One run for each scene and map seed."""
+
+    @cached_property
+    def metrics(self) -> WorldMetrics:
+        """Metrics over the runs."""
+        return world_metrics(self.runs)
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Map seeds."""
+        return tuple(sorted({run.columns.seed for run in self.runs}))
+
+
+def world_rows(runs: Iterable[Run]) -> tuple[WorldRow, ...]:
+    """Group runs in changing worlds by world, scene and maintenance; of several scenes, all together come first."""
+    rows: list[WorldRow] = []
+    for world, here in grouped(in_order_of_worlds(runs), world_name).items():
+        scenes = grouped(here, lambda run: run.columns.scene)
+        for scene, there in (({ALL_SCENES: here} if len(scenes) > 1 else {}) | scenes).items():
+            by_maintenance = grouped(there, lambda run: run.columns.maintenance or "")
+            rows += [WorldRow(world, scene_name(scene), name, tuple(each)) for name, each in by_maintenance.items()]
+    return tuple(rows)
+
+
+def in_order_of_worlds(runs: Iterable[Run]) -> list[Run]:
+    """Return runs in changing worlds by world, maintenance, scene and seed."""
+    order = {name: place for place, name in enumerate(MAINTENANCE_NAMES)}
+
+    def key(run: Run) -> tuple[object, ...]:
+        columns = run.columns
+        return world_name(run), order.get(columns.maintenance or "", 99), columns.scene, columns.seed
+
+    return sorted(runs, key=key)
+
+
+def world_name(run: Run) -> str:
+    """Return the name of a run's changing world, and its number of days."""
+    return f"{run.columns.world}, {run.columns.days:g} days"

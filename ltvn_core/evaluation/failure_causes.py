@@ -45,42 +45,6 @@ class EpisodeSegment:
         return next((cause for cause in CAUSE_ORDER if cause in self.causes), None)
 
 
-class FailureAttribution:
-    """Sums over segments by cause."""
-
-    def __init__(self) -> None:
-        """Start with zero steps and collisions for each cause."""
-        self._steps: Counter[FailureCause] = Counter()
-        self._collisions: Counter[FailureCause] = Counter()
-
-    def add(self, segment: EpisodeSegment, end: FrameId) -> None:
-        """Attribute the steps and collisions of a segment that ended at step `end` to its cause.
-
-        Collisions in a segment without a cause are attributed to the controller.
-        """
-        cause = segment.cause
-        self._collisions[cause or FailureCause.COLLISION] += segment.collisions
-        if cause is not None:
-            self._steps[cause] += max(end - segment.begin, 0)
-
-    @property
-    def wasted_steps(self) -> int:
-        """Steps of all segments with a cause."""
-        return self._steps.total()
-
-    def main_waste_cause(self) -> FailureCause:
-        """Return the cause with most steps; of equal ones the first in causal order."""
-        return max(CAUSE_ORDER, key=lambda cause: self._steps[cause])
-
-    def main_collision_cause(self) -> FailureCause:
-        """Return the cause with most collisions; COLLISION if there are none."""
-        return (
-            max(CAUSE_ORDER, key=lambda cause: self._collisions[cause])
-            if self._collisions.total()
-            else FailureCause.COLLISION
-        )
-
-
 class FailureClassifier:
     """Follows the events of one episode; fast enough to run in every episode."""
 
@@ -88,7 +52,10 @@ class FailureClassifier:
         """Create a classifier for a robot in `graph`, which may change during the episode."""
         self._truth = truth
         self._graph = graph
-        self._attribution = FailureAttribution()
+        self._steps: Counter[FailureCause] = Counter()
+        """Steps of all segments with a cause, by cause."""
+        self._collisions: Counter[FailureCause] = Counter()
+        """Collisions by the cause of their segment; those in a segment without one are the controller's."""
         self._segment: EpisodeSegment | None = None
         self._last: EpisodeSegment | None = None
         self._latest: FrameId = 0
@@ -137,14 +104,12 @@ class FailureClassifier:
             case Outcome.LOST:
                 return (self._last.cause if self._last else None) or FailureCause.NO_PATH
             case Outcome.COLLISION_LIMIT:
-                return self._attribution.main_collision_cause()
+                found = self._collisions
+                return _main_cause(found) if found.total() else FailureCause.COLLISION
             case Outcome.STEP_LIMIT | Outcome.CANCELLED:
-                wasted = self._attribution.wasted_steps
-                return (
-                    self._attribution.main_waste_cause()
-                    if wasted and wasted >= WASTED_SHARE * ended.steps
-                    else FailureCause.STEP_LIMIT
-                )
+                wasted = self._steps.total()
+                has_cause = wasted and wasted >= WASTED_SHARE * ended.steps
+                return _main_cause(self._steps) if has_cause else FailureCause.STEP_LIMIT
 
     def _localised(self, segment: EpisodeSegment, event: Localised, exact_pose: Pose | None) -> None:
         """Check a localisation; a failed localisation away from all nodes is attributed to the segment before it."""
@@ -178,8 +143,17 @@ class FailureClassifier:
         return self._truth.is_spurious(key, by_odometry=edge is not None and edge.by_odometry)
 
     def _close(self, end: FrameId) -> None:
-        if self._segment is not None:
-            self._attribution.add(self._segment, end)
-            self.trigger = self._segment.cause and (self.trigger or self._segment.cause)
-            self._last = self._segment
+        segment = self._segment
+        if segment is not None:
+            cause = segment.cause
+            self._collisions[cause or FailureCause.COLLISION] += segment.collisions
+            if cause is not None:
+                self._steps[cause] += max(end - segment.begin, 0)
+            self.trigger = cause and (self.trigger or cause)
+            self._last = segment
             self._segment = None
+
+
+def _main_cause(counts: Counter[FailureCause]) -> FailureCause:
+    """Return the cause with the largest count; of equal ones the first in causal order."""
+    return max(CAUSE_ORDER, key=lambda cause: counts[cause])

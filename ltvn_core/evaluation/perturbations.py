@@ -7,7 +7,7 @@ Perturbations of colours do not change depth.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -23,99 +23,87 @@ from ltvn_core.types import Observation, Rgb
 _GAMMA = 2.2
 
 
-@dataclass(frozen=True, slots=True)
-class MotionBlur:
-    """Motion blur along the rows, because the robot turns while the shutter is open."""
+def motion_blur(
+    seen: Observation, rng: np.random.Generator, camera: CameraModel, *, swept_rad: float = 0.03
+) -> Observation:
+    """Blur along the rows, because the robot turns while the shutter is open.
 
-    camera: CameraModel
-    swept_rad: float = 0.03
-    """Angle of the camera's rotation during one exposure: one radian per second for 30 ms."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with streaks."""
-        length = max(round(self.swept_rad * self.camera.fx), 1)
-        streak = np.full((1, length), 1 / length, np.float32)
-        light = cv2.filter2D(_light(seen.rgb), -1, streak, borderType=cv2.BORDER_REPLICATE)
-        return _with_light(seen, np.asarray(light, np.float32))
+    `swept_rad` is the camera's rotation during one exposure: one radian per second for 30 ms.
+    """
+    length = max(round(swept_rad * camera.fx), 1)
+    streak = np.full((1, length), 1 / length, np.float32)
+    light = cv2.filter2D(_light(seen.rgb), -1, streak, borderType=cv2.BORDER_REPLICATE)
+    return _with_light(seen, np.asarray(light, np.float32))
 
 
-@dataclass(frozen=True, slots=True)
-class WrongExposure:
-    """Wrong exposure time, as after the step from a corridor to a window."""
+def wrong_exposure(
+    seen: Observation, rng: np.random.Generator, camera: CameraModel, *, stops: float = 1.5
+) -> Observation:
+    """Expose for a wrong time, as after the step from a corridor to a window.
 
-    stops: float = 1.5
-    """Error in stops, each a factor of two in light, up or down."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation too bright or too dark."""
-        return _with_light(seen, _light(seen.rgb) * 2.0 ** float(rng.choice([-self.stops, self.stops])))
+    `stops` is the error, each a factor of two in light, up or down.
+    """
+    return _with_light(seen, _light(seen.rgb) * 2.0 ** float(rng.choice([-stops, stops])))
 
 
-@dataclass(frozen=True, slots=True)
-class Flare:
-    """Flare of a lamp or the sun in the lens: a bright spot, and a veil over the whole image."""
+def flare(
+    seen: Observation,
+    rng: np.random.Generator,
+    camera: CameraModel,
+    *,
+    spot_rad: float = math.radians(8),
+    spot_light: float = 2.0,
+    veil_light: float = 0.15,
+) -> Observation:
+    """Show a lamp or the sun in the lens: a bright spot in the upper half, and a veil over the whole image.
 
-    camera: CameraModel
-    spot_rad: float = math.radians(8)
-    """Radius of the spot, where its light has fallen to 60 %."""
-    spot_light: float = 2.0
-    """Light in the middle of the spot; 1 makes a pixel white."""
-    veil_light: float = 0.15
-    """Light that is added to the whole image."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with a light somewhere in its upper half."""
-        height, width = seen.rgb.shape[:2]
-        column = rng.uniform(0, width)
-        row = rng.uniform(0, height / 2)
-        rows, columns = np.mgrid[:height, :width]
-        away_rad = np.hypot((columns - column) / self.camera.fx, (rows - row) / self.camera.fy)
-        added = self.veil_light + self.spot_light * np.exp(-0.5 * (away_rad / self.spot_rad) ** 2)
-        return _with_light(seen, _light(seen.rgb) + added[..., None].astype(np.float32))
-
-
-@dataclass(frozen=True, slots=True)
-class SensorNoise:
-    """Noise of a sensor that receives few photons, as in a dark room; it grows with the square root of the light."""
-
-    full_well: float = 400.0
-    """Number of photons that make a pixel white; ten thousand in a good image."""
-    read_noise: float = 4.0
-    """Standard deviation of reading a pixel, in photons."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with noise."""
-        photons = _light(seen.rgb) * self.full_well
-        spread = np.sqrt(photons + self.read_noise**2)
-        noisy = photons + spread * rng.standard_normal(photons.shape, np.float32)
-        return _with_light(seen, noisy / self.full_well)
+    Light has fallen to 60 % at the spot's radius `spot_rad`; light 1 makes a pixel white.
+    """
+    height, width = seen.rgb.shape[:2]
+    column = rng.uniform(0, width)
+    row = rng.uniform(0, height / 2)
+    rows, columns = np.mgrid[:height, :width]
+    away_rad = np.hypot((columns - column) / camera.fx, (rows - row) / camera.fy)
+    added = veil_light + spot_light * np.exp(-0.5 * (away_rad / spot_rad) ** 2)
+    return _with_light(seen, _light(seen.rgb) + added[..., None].astype(np.float32))
 
 
-@dataclass(frozen=True, slots=True)
-class WrongWhiteBalance:
-    """Wrong white balance between lamp light and daylight: the ratio of red to blue is wrong."""
+def sensor_noise(
+    seen: Observation,
+    rng: np.random.Generator,
+    camera: CameraModel,
+    *,
+    full_well: float = 400.0,
+    read_noise: float = 4.0,
+) -> Observation:
+    """Add the noise of a sensor that receives few photons, as in a dark room; it grows with the root of the light.
 
-    gain: float = 1.35
-    """Factor by which red grows while blue shrinks, or the reverse; about 1,500 kelvin."""
+    `full_well` photons make a pixel white, ten thousand in a good image; `read_noise` is the standard deviation of
+    reading a pixel, in photons.
+    """
+    photons = _light(seen.rgb) * full_well
+    noisy = photons + np.sqrt(photons + read_noise**2) * rng.standard_normal(photons.shape, np.float32)
+    return _with_light(seen, noisy / full_well)
 
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation too warm or too cold."""
-        warm = self.gain if rng.random() < 0.5 else 1 / self.gain
-        return _with_light(seen, _light(seen.rgb) * np.array([warm, 1.0, 1 / warm], np.float32))
+
+def wrong_white_balance(
+    seen: Observation, rng: np.random.Generator, camera: CameraModel, *, gain: float = 1.35
+) -> Observation:
+    """Take the image too warm or too cold, between lamp light and daylight.
+
+    `gain` is the factor by which red grows while blue shrinks, or the reverse; 1.35 is about 1,500 kelvin.
+    """
+    warm = gain if rng.random() < 0.5 else 1 / gain
+    return _with_light(seen, _light(seen.rgb) * np.array([warm, 1.0, 1 / warm], np.float32))
 
 
-@dataclass(frozen=True, slots=True)
-class StrongCompression:
-    """JPEG of low quality, as over a poor link."""
-
-    quality: int = 15
-    """JPEG quality, from 0 to 100."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation as it is after compression."""
-        _, jpeg = cv2.imencode(".jpg", seen.rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, self.quality))
-        rgb = cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)
-        return replace(seen, rgb=np.asarray(rgb, np.uint8), original=None)
+def strong_compression(
+    seen: Observation, rng: np.random.Generator, camera: CameraModel, *, quality: int = 15
+) -> Observation:
+    """Compress to JPEG of low quality (0 to 100), as over a poor link."""
+    _, jpeg = cv2.imencode(".jpg", seen.rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality))
+    rgb = cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)
+    return replace(seen, rgb=np.asarray(rgb, np.uint8), original=None)
 
 
 def _light(rgb: Rgb) -> NDArray[np.float32]:
@@ -132,61 +120,58 @@ _HOLES_AT_ONCE = 4
 _MOST_TRIES = 100
 
 
-@dataclass(frozen=True, slots=True)
-class DepthHoles:
-    """Holes in depth, as on glass, shiny and black surfaces, and noise elsewhere."""
+def depth_holes(
+    seen: Observation,
+    rng: np.random.Generator,
+    camera: CameraModel,
+    *,
+    share: float = 0.4,
+    noise_per_m: float = 0.003,
+) -> Observation:
+    """Make holes in depth, as on glass, shiny and black surfaces, and noise elsewhere; without depth change nothing.
 
-    share: float = 0.4
-    """Share of the pixels in holes."""
-    noise_per_m: float = 0.003
-    """Standard deviation of depth at 1 m, in metres; it grows with the square of the depth, as in a structured-light
-    camera."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with worse depth; an observation without depth is unchanged."""
-        if seen.depth is None:
-            return seen
-        spread = self.noise_per_m * seen.depth**2
-        depth = np.maximum(seen.depth + spread * rng.standard_normal(seen.depth.shape, np.float32), 0)
-        return replace(seen, depth=np.where(self._holes(seen.depth.shape, rng), 0, depth).astype(np.float32))
-
-    def _holes(self, shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool_]:
-        """Return which pixels (H, W) are in holes: ellipses of up to a fifth of the picture's width."""
-        holes = np.zeros(shape, np.uint8)
-        height, width = shape
-        for _ in range(_MOST_TRIES):
-            if holes.mean() >= self.share:
-                break
-            for _ in range(_HOLES_AT_ONCE):
-                centre = int(rng.integers(width)), int(rng.integers(height))
-                axes = int(rng.integers(1, max(width // 10, 2))), int(rng.integers(1, max(height // 10, 2)))
-                cv2.ellipse(holes, centre, axes, float(rng.uniform(0, 180)), 0, 360, 1, thickness=-1)
-        return holes.astype(bool)
+    `share` is that of the pixels in holes; `noise_per_m` is the standard deviation at 1 m, in metres, which grows with
+    the square of the depth, as in a structured-light camera. Holes are ellipses of up to a fifth of the width.
+    """
+    if seen.depth is None:
+        return seen
+    spread = noise_per_m * seen.depth**2
+    depth = np.maximum(seen.depth + spread * rng.standard_normal(seen.depth.shape, np.float32), 0)
+    shape: tuple[int, ...] = seen.depth.shape
+    holes = np.zeros(shape, np.uint8)
+    height, width = shape
+    for _ in range(_MOST_TRIES):
+        if holes.mean() >= share:
+            break
+        for _ in range(_HOLES_AT_ONCE):
+            centre = int(rng.integers(width)), int(rng.integers(height))
+            axes = int(rng.integers(1, max(width // 10, 2))), int(rng.integers(1, max(height // 10, 2)))
+            cv2.ellipse(holes, centre, axes, float(rng.uniform(0, 180)), 0, 360, 1, thickness=-1)
+    return replace(seen, depth=np.where(holes.astype(bool), 0, depth).astype(np.float32))
 
 
-@dataclass(frozen=True, slots=True)
-class OtherLens:
-    """A lens that differs from the calibration: a slightly longer focal length, and uncorrected barrel distortion."""
+def other_lens(
+    seen: Observation,
+    rng: np.random.Generator,
+    camera: CameraModel,
+    *,
+    focal_factor: float = 1.06,
+    barrel: float = -0.08,
+) -> Observation:
+    """Look through a lens that differs from the calibrated `camera`: a longer focal length, uncorrected distortion.
 
-    camera: CameraModel
-    """The camera as calibrated."""
-    focal_factor: float = 1.06
-    """Ratio of the focal length to that of the calibrated lens."""
-    barrel: float = -0.08
-    """First radial coefficient of the distortion, k1."""
-
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation as the other lens takes it."""
-        other = replace(
-            self.camera,
-            fx=self.camera.fx * self.focal_factor,
-            fy=self.camera.fy * self.focal_factor,
-            distortion=(self.barrel, 0.0, 0.0, 0.0),
-            fisheye=False,
-        )
-        way = rectification(self.camera, other)
-        depth = None if seen.depth is None else way.rectify_depth(seen.depth)
-        return replace(seen, rgb=way.rectify_rgb(seen.rgb), depth=depth, original=None)
+    `focal_factor` is the ratio of the focal lengths, `barrel` the first radial coefficient k1.
+    """
+    other = replace(
+        camera,
+        fx=camera.fx * focal_factor,
+        fy=camera.fy * focal_factor,
+        distortion=(barrel, 0.0, 0.0, 0.0),
+        fisheye=False,
+    )
+    way = rectification(camera, other)
+    depth = None if seen.depth is None else way.rectify_depth(seen.depth)
+    return replace(seen, rgb=way.rectify_rgb(seen.rgb), depth=depth, original=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,23 +195,18 @@ DROPPED_FRAMES = "dropped-frames"
 ALL = "all"
 
 
-class Perturbation(Protocol):
-    """Makes one observation worse."""
+Perturbation: TypeAlias = Callable[[Observation, np.random.Generator, CameraModel], Observation]
+"""Returns a worse observation of the same size, taken by a camera; the argument is not changed."""
 
-    def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return a worse observation of the same size; the argument is not changed."""
-        ...
-
-
-_TABLE: Mapping[str, Callable[[CameraModel], Perturbation]] = {
-    "blur": MotionBlur,
-    "exposure": lambda camera: WrongExposure(),
-    "flare": Flare,
-    "depth-holes": lambda camera: DepthHoles(),
-    "lens": OtherLens,
-    "noise": lambda camera: SensorNoise(),
-    "white-balance": lambda camera: WrongWhiteBalance(),
-    "jpeg": lambda camera: StrongCompression(),
+_TABLE: Mapping[str, Perturbation] = {
+    "blur": motion_blur,
+    "exposure": wrong_exposure,
+    "flare": flare,
+    "depth-holes": depth_holes,
+    "lens": other_lens,
+    "noise": sensor_noise,
+    "white-balance": wrong_white_balance,
+    "jpeg": strong_compression,
 }
 
 PERTURBATIONS = (*_TABLE, DROPPED_FRAMES)
@@ -249,9 +229,9 @@ def chosen_perturbations(names: Sequence[str]) -> tuple[str, ...]:
     return chosen
 
 
-def open_perturbation(name: str, camera: CameraModel) -> Perturbation:
-    """Return a perturbation of images of a camera; `name` is one of `PERTURBATIONS` but not `DROPPED_FRAMES`."""
-    return _TABLE[name](camera)
+def perturb(name: str, seen: Observation, rng: np.random.Generator, camera: CameraModel) -> Observation:
+    """Return a worse observation; `name` is one of `PERTURBATIONS` but not `DROPPED_FRAMES`."""
+    return _TABLE[name](seen, rng, camera)
 
 
 class PerturbedRobot(RobotView):
@@ -262,10 +242,9 @@ class PerturbedRobot(RobotView):
 
     def __init__(self, robot: Robot, perturbations: Sequence[str], *, seed: int) -> None:
         """Apply all of `perturbations`, names of `PERTURBATIONS`, to each image; `seed` draws their random parts."""
-        names = [name for name in perturbations if name != DROPPED_FRAMES]
         super().__init__(robot)
         self._seed = seed
-        self._perturbations = [open_perturbation(name, robot.spec.camera) for name in names]
+        self._names = [name for name in perturbations if name != DROPPED_FRAMES]
         self._loss = FrameLoss() if DROPPED_FRAMES in perturbations else None
         self._lost = False
 
@@ -276,6 +255,6 @@ class PerturbedRobot(RobotView):
             self._lost = self._loss.is_lost(rng, was_lost=self._lost)
             if self._lost:
                 return replace(taken, rgb=last.rgb, depth=last.depth, original=last.original)
-        for perturbation in self._perturbations:
-            taken = perturbation(taken, rng)
+        for name in self._names:
+            taken = perturb(name, taken, rng, self.spec.camera)
         return taken

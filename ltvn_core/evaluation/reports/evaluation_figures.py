@@ -5,9 +5,8 @@ failure. Those of lifelong evaluations show success, map size and spurious edges
 Figures of maps over the floor plan are in `map_figures`. The numbers come from result rows and lifelong groups.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -37,6 +36,7 @@ from ltvn_core.evaluation.reports.result_rows import (
     calibration_of,
     end_points,
     group_lifelong,
+    grouped,
     maintenance_intervals,
     methods_of,
     rows_of,
@@ -44,7 +44,7 @@ from ltvn_core.evaluation.reports.result_rows import (
     scene_name,
     scenes_of,
 )
-from ltvn_core.evaluation.results import EdgeCalibrationBin, Run
+from ltvn_core.evaluation.results import Run
 
 _BAD: Colour = (0.78, 0.24, 0.32)
 """Colour of spurious edges."""
@@ -76,7 +76,8 @@ def edge_calibration_figure(lifelong_groups: Sequence[LifelongGroup], palette: F
     above.plot([0, 1], [0, 1], "--", color=palette.grey, linewidth=1.2, label="perfect")
     for last, words, colour in ((False, "before", palette.second), (True, "after", palette.first)):
         cells = calibration_of(end_points(lifelong_groups, last=last))
-        _reliability(above, cells, f"{words} the queries, mean gap {calibration_error(cells):.3f}", colour)
+        label = f"{words} the queries, mean gap {calibration_error(cells):.3f}"
+        above.plot([cell.mean_p for cell in cells], [cell.drivable for cell in cells], "o-", color=colour, label=label)
         share = -0.2 if not last else 0.2
         for cell in cells:
             width = cell.high - cell.low
@@ -130,10 +131,6 @@ def _followed(axes: Axes, group: LifelongGroup, count: Callable[[QueryResult], i
             [query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3
         )
     axes.set_ylim(0, max(1.0, 1.15 * axes.get_ylim()[1]))
-
-
-def _reliability(axes: Axes, cells: Sequence[EdgeCalibrationBin], label: str, colour: Colour) -> None:
-    axes.plot([cell.mean_p for cell in cells], [cell.drivable for cell in cells], "o-", color=colour, label=label)
 
 
 def success(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
@@ -249,119 +246,65 @@ def _legend(figure: Figure, columns: _Columns) -> None:
 
 
 def figures_of(runs: Sequence[Run], palette: FigurePalette) -> tuple[ReportFigure, ...]:
-    """Yield all figures for which there are results, not yet drawn."""
+    """Return all figures for which there are results, not yet drawn."""
     rows = rows_of(runs)
-    lifelong_groups = group_lifelong(runs)
-    return tuple(
-        chain(_row_figures(rows, palette), _map_figures(rows, palette), _lifelong_figures(lifelong_groups, palette))
-    )
+    groups = group_lifelong(runs)
+    return (*_row_figures(rows, palette), *_map_figures(rows, palette), *_lifelong_figures(groups, palette))
 
 
-def _row_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[ReportFigure]:
+def _row_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterator[ReportFigure]:
     whole = [row for row in rows if not row.setup.ablated and not row.setup.queries]
-    parts = [row for row in rows if not row.setup.queries and row.setup.scene in _ablated_scenes(rows)]
+    ablated = {row.setup.scene for row in rows if row.setup.ablated}
+    parts = [row for row in rows if not row.setup.queries and row.setup.scene in ablated]
     if whole:
         caption = "Goals reached, with 95 % intervals."
         if len({row.setup.finetuned for row in whole}) > 1:
             caption += " Rings: network as trained. Discs: after fine-tuning on the drive."
-        yield ReportFigure(
-            kind="success",
-            name="success",
-            title="Success per scene and method",
-            caption=caption,
-            draw=partial(success, whole, palette),
-        )
+        title = "Success per scene and method"
+        yield ReportFigure("success", "success", title, caption, partial(success, whole, palette))
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
-        yield ReportFigure(
-            kind="sizes",
-            name="sizes",
-            title="Nodes and edges per scene and method",
-            caption=caption,
-            draw=partial(size_figure, whole, palette),
-        )
+        title = "Nodes and edges per scene and method"
+        yield ReportFigure("sizes", "sizes", title, caption, partial(size_figure, whole, palette))
     if parts:
         caption = "Goals reached when single parts of the method are switched off, with 95 % intervals."
-        yield ReportFigure(
-            kind="success",
-            name="ablation",
-            title="Effect of each part",
-            caption=caption,
-            draw=partial(success, parts, palette),
-        )
+        yield ReportFigure("success", "ablation", "Effect of each part", caption, partial(success, parts, palette))
     if whole:
         over = rows_over_scenes(whole) or whole
         caption = "Share of the episodes that failed, by the main cause of each failure."
-        yield ReportFigure(
-            kind="causes",
-            name="causes",
-            title="Causes of failure over all scenes",
-            caption=caption,
-            draw=partial(cause_figure, over, palette),
-        )
+        title = "Causes of failure over all scenes"
+        yield ReportFigure("causes", "causes", title, caption, partial(cause_figure, over, palette))
 
 
-def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[ReportFigure]:
+def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterator[ReportFigure]:
     """Draw the maps of each scene's first seed."""
     drawn = [row for row in rows if row.trials[0].floorplan is not None and not row.setup.ablated]
-    for scene in scenes_of(drawn):
-        panels = [
-            MapPanel(f"{row.setup.method}, {row.setup.stage}", row.trials[0])
-            for row in drawn
-            if row.setup.scene == scene
-        ]
-        title = f"Maps of {scene_name(scene)}"
-        caption = (
-            f"Map seed {panels[0].trial.columns.seed}. Grey: too narrow for the robot. Red crosses: spurious edges."
-        )
-        yield ReportFigure(
-            kind="floors",
-            name=f"floors-{slug(scene_name(scene))}",
-            title=title,
-            caption=caption,
-            draw=partial(map_figure, panels, palette),
-        )
+    for scene, here in grouped(drawn, lambda row: row.setup.scene).items():
+        panels = [MapPanel(f"{row.setup.method}, {row.setup.stage}", row.trials[0]) for row in here]
+        seed = panels[0].trial.columns.seed
+        caption = f"Map seed {seed}. Grey: too narrow for the robot. Red crosses: spurious edges."
+        name, title = f"floors-{slug(scene_name(scene))}", f"Maps of {scene_name(scene)}"
+        yield ReportFigure("floors", name, title, caption, partial(map_figure, panels, palette))
 
 
-def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigurePalette) -> Iterable[ReportFigure]:
-    for group in lifelong_groups:
-        name = f"{slug(scene_name(group.scene))}-{slug(group.method)}"
-        title = f"{group.method} in {scene_name(group.scene)}"
+def _lifelong_figures(groups: Sequence[LifelongGroup], palette: FigurePalette) -> Iterator[ReportFigure]:
+    for group in groups:
+        scene = scene_name(group.scene)
+        name = f"{slug(scene)}-{slug(group.method)}"
         several = len(group.runs) > 1
         caption = (
             f"Goals reached with maintenance off, with 95 % interval{'; thin lines are single maps' * several}. "
             f"Below: edges added and pruned{', means of the runs' * several}; red are the spurious ones."
         )
-        yield ReportFigure(
-            kind="lifelong",
-            name=f"lifelong-{name}",
-            title=title,
-            caption=caption,
-            draw=partial(lifelong_figure, group, palette),
-        )
-        yield from _before_and_after(group, name, palette)
-    if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.maps):
+        title = f"{group.method} in {scene}"
+        draw = partial(lifelong_figure, group, palette)
+        yield ReportFigure("lifelong", f"lifelong-{name}", title, caption, draw)
+        first, last = group.runs[0].maps[0], group.runs[0].maps[-1]
+        if first is not last and first.floorplan is not None and last.floorplan is not None:
+            panels = [MapPanel(f"after {point.after:,} queries", point) for point in (first, last)]
+            caption = f"Map seed {first.columns.seed}, before and after maintenance. Red crosses: spurious edges."
+            draw = partial(map_figure, panels, palette)
+            yield ReportFigure("lifelong", f"map-{name}", f"The map of {scene} before and after", caption, draw)
+    if any(point.calibration for group in groups for run in group.runs for point in run.maps):
         caption = "On the dashed line, p equals the share of edges that can be driven."
-        yield ReportFigure(
-            kind="calibration",
-            name="calibration",
-            title="Can p be believed?",
-            caption=caption,
-            draw=partial(edge_calibration_figure, lifelong_groups, palette),
-        )
-
-
-def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -> Iterable[ReportFigure]:
-    first = group.runs[0].maps[0]
-    last = group.runs[0].maps[-1]
-    if first is last or first.floorplan is None or last.floorplan is None:
-        return
-    panels = [MapPanel(f"after {point.after:,} queries", point) for point in (first, last)]
-    caption = f"Map seed {group.runs[0].columns.seed}, before and after maintenance. Red crosses: spurious edges."
-    title = f"The map of {scene_name(group.scene)} before and after"
-    yield ReportFigure(
-        kind="lifelong", name=f"map-{name}", title=title, caption=caption, draw=partial(map_figure, panels, palette)
-    )
-
-
-def _ablated_scenes(rows: Sequence[ResultRow]) -> set[str]:
-    return {row.setup.scene for row in rows if row.setup.ablated}
+        draw = partial(edge_calibration_figure, groups, palette)
+        yield ReportFigure("calibration", "calibration", "Can p be believed?", caption, draw)

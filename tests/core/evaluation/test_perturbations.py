@@ -10,11 +10,11 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.perturbations import (
     DROPPED_FRAMES,
     PERTURBATIONS,
-    DepthHoles,
     FrameLoss,
     PerturbedRobot,
     chosen_perturbations,
-    open_perturbation,
+    depth_holes,
+    perturb,
 )
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
@@ -33,7 +33,7 @@ def seen() -> Observation:
 @pytest.mark.parametrize("name", OF_ONE_IMAGE)
 def test_an_image_gets_worse_and_nothing_else_changes(name: str, seen: Observation) -> None:
     before = seen.rgb.copy()
-    worse = open_perturbation(name, LOCOBOT.camera)(seen, np.random.default_rng(1))
+    worse = perturb(name, seen, np.random.default_rng(1), LOCOBOT.camera)
     assert worse.depth is not None
     assert (worse.rgb != seen.rgb).any() or (worse.depth != seen.depth).any()
     assert (worse.rgb.shape, worse.rgb.dtype) == (seen.rgb.shape, np.uint8)
@@ -47,12 +47,12 @@ def test_an_image_gets_worse_and_nothing_else_changes(name: str, seen: Observati
 
 @pytest.mark.parametrize("name", OF_ONE_IMAGE)
 def test_an_image_without_a_depth_camera_can_be_perturbed(name: str, seen: Observation) -> None:
-    worse = open_perturbation(name, LOCOBOT.camera)(replace(seen, depth=None), np.random.default_rng(1))
+    worse = perturb(name, replace(seen, depth=None), np.random.default_rng(1), LOCOBOT.camera)
     assert worse.depth is None
 
 
 def test_holes_take_the_share_of_depth_that_was_asked_for(seen: Observation) -> None:
-    worse = DepthHoles(share=0.5)(seen, np.random.default_rng(0))
+    worse = depth_holes(seen, np.random.default_rng(0), LOCOBOT.camera, share=0.5)
     assert worse.depth is not None
     assert (worse.depth == 0).mean() == pytest.approx(0.5, abs=0.1)
 

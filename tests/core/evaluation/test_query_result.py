@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_result import QueryResult, append_to_log, read_query_log
+from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.results import RunColumns, columns_line, read_queries, read_runs
 from ltvn_core.evaluation.worlds.world_metrics import world_metrics
 from tests.repository import ROOT
@@ -17,14 +17,6 @@ OLD_ROBOT_LINE = (
     '{"phase": "queries", "number": 3, "goal": 14, "outcome": "arrived", "reached": true, "judged_by": "truth", '
     '"away_m": 0.2, "path_m": 4.5, "seconds": 31.0, "pruned": 1, "added": 4}'
 )
-
-
-def test_an_older_line_of_a_robot_is_read(tmp_path: Path) -> None:
-    (tmp_path / "episodes.jsonl").write_text(OLD_ROBOT_LINE + "\n", encoding="utf-8")
-    append_to_log(tmp_path / "episodes.jsonl", QueryResult(query=4, phase="queries", reached=False, outcome="lost"))
-    old, new = read_query_log(tmp_path / "episodes.jsonl")
-    assert (old.query, old.phase, old.position_error_m, old.pruned, old.added_edges) == (3, "queries", 0.2, 1, 4)
-    assert (new.query, new.reached) == (4, False)
 
 
 def test_stored_results_of_all_kinds_are_read() -> None:

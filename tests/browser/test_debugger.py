@@ -73,15 +73,6 @@ def test_a_failed_query_leads_to_the_edge_through_the_wall(fault: DebuggerPage, 
     assert f"{edge[0]} → {edge[1]}" in spurious
 
 
-def test_imagining_the_edge_away_shows_the_way_around(fault: DebuggerPage) -> None:
-    fault.go_to_failure(0)
-    fault.follow(re.compile("^edge "))
-    fault.ask(QuestionName.WHAT_IF)
-    fault.follow(re.compile("^without "))
-    assert re.search(r"\d\d nodes at cost [\d.]+, instead of 2 nodes", fault.says("instead of"))
-    fault.follow("forget")
-
-
 def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: DebuggerPage, planted: Faults) -> None:
     assert "wrong arrival" in fault.go_to_failure(2)
     fault.follow(re.compile("^edge "))

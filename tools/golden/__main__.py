@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 
 from tools.golden import program, runs
-from tools.golden.answers import NAMES, answers
+from tools.golden.answers import NAMES, answers, told_answers
 from tools.golden.files import FOLDER, Row, difference, write
 
 PARTS: Mapping[str, Callable[[], Iterator[Row]]] = {
     **{f"answers-{name}": partial(answers, name) for name in NAMES},
+    "answers-told": told_answers,
     "maps": partial(runs.maps, 120, ["robust", "paper"]),
     "runs": partial(runs.runs, runs.SETTINGS),
     "imports": program.imports,

@@ -7,7 +7,6 @@ import pytest
 
 from ltvn_core.analysis.edge_history import edge_history, pole_in_image
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged
@@ -16,20 +15,6 @@ from tests.core.analysis import example_runs as runs
 from tests.repository import DEMO_DRIVE
 
 LENS = LOCOBOT.camera
-
-
-def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
-    story = edge_history(runs.timeline(), 1, 2)
-    (life,) = story.lifetimes
-    assert (life.added_at.step, life.cause, life.initial_reachability) == (10, Cause.BUILD, 0.9)
-    assert [(at.instant.step, at.belief.p, at.attempt) for at in life.beliefs] == [
-        (10, 0.9, None),
-        (60, 0.6, 2),
-        (140, 0.2, 4),
-    ]
-    assert life.end is not None
-    assert (life.end.instant.step, life.end.cause, life.end.attempt) == (140, Cause.ATTEMPT, 4)
-    assert not story.alive
 
 
 def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
@@ -51,22 +36,6 @@ def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
     assert (first.localised.node, first.collisions, first.only_this_edge) == (1, 1, True)
 
 
-def test_plans_through_an_edge_are_counted() -> None:
-    assert [at.step for at in edge_history(runs.timeline(), 1, 2).planned_at] == [20, 40, 60, 100]
-
-
-def test_the_story_up_to_an_instant_knows_nothing_of_what_came_later() -> None:
-    story = edge_history(runs.timeline(), 1, 2, until=Instant(60, 6.0))
-    assert story.alive
-    assert story.belief is not None
-    assert (story.belief.p, len(story.attempts), len(story.planned_at)) == (0.6, 2, 3)
-
-
-def test_an_edge_that_never_was_has_an_empty_story() -> None:
-    story = edge_history(runs.timeline(), 5, 99)
-    assert (story.lifetimes, story.attempts, story.planned_at, story.alive, story.belief) == ((), (), (), False, None)
-
-
 def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> None:
     dropped = GraphChanged(NodeDropped(2, Cause.HAND))
     run = [*runs.two_failures(), *runs.at(190, runs.edge(1, 2, cause=Cause.HAND)), *runs.at(195, dropped)]
@@ -74,13 +43,6 @@ def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> Non
     assert first.end is not None
     assert second.end is not None
     assert (second.cause, second.end.node, second.end.instant.step) == (Cause.HAND, 2, 195)
-
-
-def test_an_edge_goes_with_its_map_when_another_comes_in() -> None:
-    run = [*runs.two_failures(), *runs.at(200, runs.node(0, cause=Cause.LOAD))]
-    (life,) = edge_history(Timeline.of(run), 0, 1).lifetimes
-    assert life.end is not None
-    assert (life.end.instant.step, life.end.whole_map) == (200, True)
 
 
 def test_without_the_map_before_it_an_edge_has_attempts_but_no_life() -> None:

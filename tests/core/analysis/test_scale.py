@@ -16,7 +16,6 @@ from ltvn_core.navigation.events import Outcome, Planned, QueryStarted, StampedE
 from tests.core.analysis import example_runs as runs
 
 NODES, SPAN, LEGS, QUERIES = 10_000, 5, 80, 100
-PER_QUERY = 2 + LEGS * 5 + 1
 
 
 @pytest.fixture(scope="module")

@@ -27,17 +27,6 @@ def series(verdicts: str) -> Timeline:
     return Timeline.of(run)
 
 
-def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:
-    (failure,) = failed_queries(runs.timeline())
-    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.OBSTRUCTED)
-    assert failure.ending == "step limit"
-    assert failure.text == "Collision 1 of query 0."
-    assert (failure.instant.step, failure.instant.stamp) == (45, pytest.approx(4.5))
-    assert (failure.edge, failure.node) == ((1, 2), 1)
-    assert failure.pose is not None
-    assert failure.pose.x_m == 1.0
-
-
 def test_a_setback_after_which_the_robot_came_nearer_than_ever_is_recovered_from() -> None:
     early, late = runs.attempt_started(0, 1, 0, 1, 20), runs.attempt_started(0, 2, 1, 2, 60)
     run = [

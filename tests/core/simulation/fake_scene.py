@@ -42,16 +42,6 @@ FURNITURE = (
 
 
 @dataclass(frozen=True)
-class Rectangle:
-    """The floor of a fake room."""
-
-    x_min: float
-    y_min: float
-    x_max: float
-    y_max: float
-
-
-@dataclass(frozen=True)
 class BoxScene:
     """Two rooms with a wide opening between them."""
 

@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core import palette
 from ltvn_core.analysis.answer import Answer, CalibrationChart, Paragraph, PresenceChart, StepChart, Table
 from ltvn_core.analysis.answer_text import answer_text, line_text
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.graph.deltas import GraphDelta, PresenceObserved
+from ltvn_core.graph.deltas import Cause, GraphDelta, PresenceObserved
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation import events as e
+from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.worlds import DoorMoved, TimePassed
 from ltvn_viz.debugger.compared_map import BEFORE_FIRST_QUERY
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
@@ -23,8 +26,8 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS
 from tests.viz.app_session import AppSession
-from tests.viz.debugger.answer_links import answer_of, links, words
-from tests.viz.debugger.seen_edges import HOUR, open_harness, see
+from tests.viz.debugger.answer_links import answer_of, follow, links, words
+from tests.viz.session_harness import SessionHarness
 
 PRUNED, TRUSTED = (1489, 2621), (3081, 2226)
 """An edge that failed and was pruned, and one that was driven and believed more each time."""
@@ -283,6 +286,31 @@ def _times(answer: Answer) -> Iterator[float]:
             yield from (at_s for at_s, _ in block.points)
 
 
+HOUR = 3600.0
+
+
+def open_harness(folder: Path) -> SessionHarness:
+    """Return a session with a live map whose plans look at presence; it is 8 o'clock."""
+    harness = SessionHarness(folder)
+    live_map = harness.state.live_map
+    live_map.use_system(with_maintenance(live_map.system, "persistent"))
+    pass_time(harness, 8 * HOUR)
+    return harness
+
+
+def pass_time(harness: SessionHarness, until_s: float) -> None:
+    """Let the clock of the world jump."""
+    harness.state.live.emit(e.WorldChanged(TimePassed(0.0), at_s=until_s))
+
+
+def see(harness: SessionHarness, edge: tuple[int, int], at_s: float, *, present: bool) -> None:
+    """Let the live map learn that an edge is open or blocked."""
+    pass_time(harness, at_s)
+    seen = PresenceObserved(*edge, present=present, stamp=at_s, cause=Cause.SIGHT)
+    for delta in harness.state.live_map.change([seen]):
+        harness.state.live.emit(e.GraphChanged(delta, query=0))
+
+
 def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> None:
     harness = open_harness(tmp_path)
     nodes = sorted(harness.state.live_map.graph.nodes)
@@ -316,6 +344,40 @@ def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> Non
         seen.add((looks, bool(named)))
     assert {0, 3} <= {looks for looks, _ in seen}
     assert {False, True} == {named for _, named in seen}
+
+
+def test_why_it_went_around_is_told_for_a_plan_over_an_edge_that_was_seen_blocked(tmp_path: Path) -> None:
+    harness = open_harness(tmp_path)
+    graph = harness.state.live_map.graph
+    goal = max(graph.nodes)
+    harness.do(c.Ask(c.Action.GOAL, goal))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    plan = max((each.planned.nodes for each in harness.state.live.timeline.plans), key=len)
+    harness.do(c.Ask(c.Action.GOAL, plan[0]))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    see(harness, (plan[0], plan[1]), 9 * HOUR, present=False)
+    see(harness, (plan[-2], plan[-1]), 9 * HOUR, present=False)
+    harness.do(c.Ask(c.Action.GOAL, goal))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    shown = harness.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), ticks=3)
+    assert "was open with p = 0." in words(shown)
+    assert "Why did the robot" in words(shown)
+    assert palette.EDGE_REMOVED in {stroke.colour for stroke in shown.inspection.answer.overlay.strokes}
+
+
+def test_what_changed_since_an_hour_ago_names_doors_and_edges(tmp_path: Path) -> None:
+    harness = open_harness(tmp_path)
+    source, target = harness.an_edge
+    harness.wait(3)
+    harness.state.live.emit(e.WorldChanged(DoorMoved(2, is_open=False), at_s=10 * HOUR))
+    see(harness, (source, target), 10 * HOUR + 60, present=False)
+    listed = harness.do(c.Ask(c.Action.QUESTION, QuestionName.COMPARE), ticks=15)
+    shown = follow(harness, listed, "an hour ago", ticks=4)
+    html = words(shown)
+    assert "closed here, not there: 1" in html
+    assert f"{source} → {target}" in html
+    assert "In the world: door 2 closed." in html
+    assert "yesterday at this time" not in words(listed)
 
 
 def _delta(event: e.Event) -> GraphDelta | None:

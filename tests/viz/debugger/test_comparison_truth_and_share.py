@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Address, CalibrationChart, Copyable, Download, Inline, Paragraph
+from ltvn_core.analysis.answer import Address, Copyable, Download, Inline, Paragraph
 from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import RecordingError
@@ -99,14 +99,6 @@ def test_maps_of_different_scenes_are_compared_by_metrics_alone(tmp_path: Path) 
     shown = harness.do(c.Ask(c.Action.TELL, "demo-map.rrd"), ticks=3)
     assert "different scenes" in words(shown)
     assert "the live run" in words(shown)
-
-
-def test_the_truth_of_the_demo_is_told_with_strokes(demo: SessionHarness) -> None:
-    shown = demo.do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
-    assert "of the edges can be driven" in words(shown)
-    assert re.search(r"p said on average that \d+% succeed; the robot took \d+% for successes", words(shown))
-    assert colours(shown) <= {palette.EDGE_REMOVED, palette.EDGE_ADDED}
-    assert any(isinstance(each, CalibrationChart) for each in shown.inspection.answer.answer.blocks)
 
 
 def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:

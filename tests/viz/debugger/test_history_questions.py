@@ -7,7 +7,6 @@ import pytest
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import LaneChart
-from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph import deltas as d
 from ltvn_core.navigation import events as e
@@ -18,7 +17,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.seeking import seek_mark
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.commands import Action
 from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import answer_of, follow, words
 from tests.viz.session_harness import SessionHarness, said
@@ -75,44 +74,6 @@ def past(tmp_path: Path) -> Past:
     return Past(tmp_path)
 
 
-def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(past: Past) -> None:
-    told = words(past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned)))
-    assert "Why is it gone?" in told
-    assert told.index("was added") < told.index("Attempt 1 in query 1 failed") < told.index("It was pruned after")
-    assert "too <far>" in told
-    assert "Why was it chosen?" in told
-
-
-def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past: Past) -> None:
-    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned))
-    told = words(past.do(c.Seek(past.seconds(past.begins_s))))
-    assert "Why is p =" in told
-    assert "Later it is removed" in told
-    assert "Why is it gone?" not in told
-
-
-def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_the_network(past: Past) -> None:
-    nodes = list(past.state.live_map.graph.nodes)
-    source, target = nodes[0], nodes[-1]
-    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE))
-    told = words(past.do(c.Ask(c.Action.TELL, f"{source} {target}"), ticks=3))
-    assert "Why is it missing?" in told
-    assert "The network would" in told
-    assert past.do(c.Ask(c.Action.TELL, "three")).message is not None
-
-
-def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what_was_pruned(past: Past) -> None:
-    nodes = list(past.state.live_map.graph.nodes)
-    past.do(
-        c.Ask(c.Action.QUESTION, QuestionName.EDGE),
-        c.Ask(c.Action.PICK, nodes[-1]),
-        c.Ask(c.Action.PICK, past.pruned[0]),
-    )
-    assert "Why is node" in words(past.now)
-    assert "Edges that were pruned here" in words(past.now)
-    assert "There has never been" in words(follow(past, past.now, "Why is there no edge"))
-
-
 def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -> None:
     counted = past.do(c.Ask(c.Action.QUESTION, QuestionName.TIME))
     assert counted.inspection.answer.overlay.nodes == {90_000: palette.EDGE_ADDED}
@@ -154,34 +115,12 @@ def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> 
     assert there.moment.stamp == pytest.approx(past.wrong_s - 1.0, abs=0.11)
 
 
-def test_before_a_query_failed_its_failure_is_told_in_one_line_apart(past: Past) -> None:
-    past.do(c.Seek(past.seconds(past.wrong_s) - 1.0))
-    shown = past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2)
-    told = answer_text(shown.inspection.answer.answer).splitlines()
-    assert [line for line in told if "fail" in line and not line.startswith("Later in this run: ")] == []
-    assert sum(line.startswith("Later in this run: query 1 fails") for line in told) == 1
-    assert not shown.inspection.answer.overlay.strokes
-
-
 def test_failures_can_be_narrowed_down_to_one_cause(past: Past) -> None:
     past.do(c.Ask(c.Action.QUESTION, QuestionName.FAILURES), ticks=2)
     follow(past, past.now, "1")
     assert "show all" in words(past.now)
     assert "show all" not in words(follow(past, past.now, "show all"))
     assert past.do(c.Ask(c.Action.TELL, "bad luck")).message is not None
-
-
-def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
-    past.do(c.Ask(c.Action.RECORD))
-    writer = past.writers[-1]
-    writer.events.extend(past.state.live.timeline.events[-40:])
-    past.do(c.Ask(c.Action.KEEP), c.OpenRecording(writer.path.name), ticks=2)
-    assert past.now.mode is Mode.REPLAY
-    seek_mark(past.state, MarkKind.PRUNE, forwards=True)
-    past.do(c.Ask(c.Action.QUESTION, QuestionName.TIME))
-    assert len(past.now.inspection.answer.overlay.strokes) == 1
-    past.do(c.Ask(c.Action.QUESTION, QuestionName.EDGE), c.PointAt(*past.pruned))
-    assert "Why is it gone?" in words(past.now)
 
 
 def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past: Past) -> None:

@@ -11,7 +11,7 @@ from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from tests.viz.debugger.answer_links import answer_of, follow, words
-from tests.viz.session_harness import SessionHarness, said
+from tests.viz.session_harness import SessionHarness
 
 
 @pytest.fixture
@@ -75,11 +75,6 @@ def test_an_edge_that_is_not_in_the_map_can_be_imagined_in(harness: SessionHarne
     shown = follow(harness, shown, f"with {source}->{target}")
     assert Strong(f"with {source}->{target}") in strong(shown)
     assert (source, target) not in harness.state.live_map.graph.edges
-
-
-def test_what_nobody_can_imagine_is_answered_with_what_one_can(harness: SessionHarness) -> None:
-    shown = harness.do(c.Ask(c.Action.TELL, "R_q = 0.3"))
-    assert "R_p = 1.3" in said(shown)
 
 
 def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(harness: SessionHarness) -> None:

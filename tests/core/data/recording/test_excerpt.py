@@ -15,7 +15,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import AttemptEnded, ChangedBy, QueryStarted, StampedEvent, WorldChanged
 from ltvn_core.worlds import DoorMoved
 from tests.core.data.recording import example_recording
-from tests.core.test_cli import ltvn
+from tests.program import ltvn_here
 from tests.repository import DEMO_DRIVE, ROOT
 
 
@@ -99,10 +99,10 @@ def test_a_moment_begins_in_the_world_as_it_was_then(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
+def test_the_test_that_is_written_passes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = ["--output", tmp_path / "moment.rrd", "--test", tmp_path / "test_moment.py"]
-    run = ltvn("export", DEMO_DRIVE, "--from", "165", "--to", "175", *files)
-    assert run.returncode == 0, run.stderr
+    run = ltvn_here(capsys, "export", DEMO_DRIVE, "--from", "165", "--to", "175", *files)
+    assert run.code == 0, run.stderr
     passed = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "test_moment.py"],
         capture_output=True,
@@ -113,9 +113,9 @@ def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> None:
-    run = ltvn("export", DEMO_DRIVE, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
-    assert run.returncode == 0, run.stderr
+def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ltvn_here(capsys, "export", DEMO_DRIVE, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
+    assert run.code == 0, run.stderr
     page, figure = ((tmp_path / name).read_text(encoding="utf-8") for name in ("map.html", "map.svg"))
     assert "180 nodes, 528 edges" in page
     # What the page asks for in a browser is tested there; by its own policy it is nothing.
@@ -124,5 +124,5 @@ def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> N
     assert "http" not in figure.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_there_must_be_something_to_write(drive: Recording) -> None:
-    assert "give --output" in ltvn("export", drive.path).stderr
+def test_there_must_be_something_to_write(drive: Recording, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "give --output" in ltvn_here(capsys, "export", drive.path).stderr

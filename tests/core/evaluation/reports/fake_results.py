@@ -206,20 +206,6 @@ def few_results() -> tuple[Run, ...]:
     return (*runs_of(*trials, before), *(make_lifelong_result(seed=seed, points=3) for seed in (0, 1)))
 
 
-def many_results(episodes: int = 60) -> tuple[Run, ...]:
-    """Results of four methods in two scenes with two seeds, before and after fine-tuning, and of a lifelong run."""
-    kinds = [("ltvn", "robust"), ("ltvn", "paper"), ("sptm", "robust"), ("ving", "robust")]
-    trials = [
-        make_trial(scene, method, seed, finetuned=finetuned, preset=preset, episodes=episodes)
-        for scene in ("tune-1", "tune-2")
-        for method, preset in kinds
-        for finetuned in (False, True)
-        for seed in (0, 1)
-    ]
-    lifelong = (make_lifelong_result("tune-1", seed, points=5, episodes=episodes) for seed in (0, 1))
-    return (*runs_of(*trials), *lifelong)
-
-
 def make_world_result(world: str = "doors", maintenance: str = "persistent") -> Run:
     """Two queries in a changing world, one of which reached its goal."""
     score = PresenceScore(4, 0.25, (*[PresenceBin(0, 0.0, 0.0)] * 9, PresenceBin(4, 1.0, 0.75)))

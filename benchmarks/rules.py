@@ -125,7 +125,7 @@ class RulesVerb(Verb):
 
         from ltvn_core.evaluation.runner import run_plans
         from ltvn_core.evaluation.workers import workers
-        from ltvn_core.verbs.jobs.evaluation_progress import progress_on_bar
+        from ltvn_core.verbs.evaluate import progress_on_bar
 
         with workers(1, None, self.folder) as parallel:
             for parts in tqdm([(), *((rule,) for rule in rules)], desc=scene, unit="rule"):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from ltvn_core.verbs.jobs.evaluate import EvaluateSummary, EvaluateVerb
+from ltvn_core.verbs.evaluate import EvaluateSummary, EvaluateVerb
 
 SYSTEMS = ("ltvn", "sptm")
 

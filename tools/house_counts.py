@@ -33,7 +33,7 @@ class House:
 
     @cached_property
     def imports(self) -> dict[str, set[str]]:
-        """The modules of the house that each module imports, for type checkers too, or names as a verb's job."""
+        """The modules of the house that each module imports, for type checkers too."""
         return {name: set(self._imported(name, tree)) - {name} for name, tree in self.trees.items()}
 
     def _imported(self, module: str, tree: ast.AST) -> Iterator[str]:
@@ -47,8 +47,6 @@ class House:
                         yield inner
                     elif node.module in self.trees:
                         yield node.module
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and ".jobs." in node.value:
-                yield from {node.value.partition(":")[0]} & self.trees.keys()
 
     def reached_from(self, module: str) -> set[str]:
         """Return the modules that a module can reach when it runs, itself included."""

@@ -36,8 +36,8 @@ from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
-from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
-from ltvn_core.verbs.jobs.robot_queries import QueriesSummary
+from ltvn_core.verbs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.robot_queries import QueriesSummary
 
 THROUGH_WALL_M = 2.5
 """Greatest length of a spurious edge, in metres; such an edge is spurious only because of the wall."""

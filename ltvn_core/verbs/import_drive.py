@@ -6,15 +6,14 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.sole_writer import sole_writer
 from ltvn_core.verbs.outputs import NewRecording
-from ltvn_core.verbs.verb import Verb
+from ltvn_core.verbs.verb import Summary, Verb
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportVerb(Verb):
     """Convert a drive in another format to a recording: a bag, a data set, or a folder of images."""
-
-    job = "ltvn_core.verbs.jobs.import_drive:import_recording"
 
     source: Positional[Path]
     """The file or folder."""
@@ -51,3 +50,46 @@ class ImportVerb(Verb):
     """Rate of images per second, for formats without stamps."""
     scene: str = ""
     """Name of the place in the recording; by default "real:" and the name of the source."""
+
+    def run(self) -> Summary:
+        """Import the drive; raises DriveError, OptionError and RecordingError."""
+        with sole_writer(self.output):
+            return _imported(self)
+
+
+def _imported(options: ImportVerb) -> Summary:
+    from tqdm import tqdm
+
+    from ltvn_core.data.importing.drive_import import import_drive
+    from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource
+    from ltvn_core.data.importing.raw_frame import ReadOptions
+    from ltvn_core.data.importing.reader_registry import open_drive
+    from ltvn_core.data.importing.source_camera import read_camera_option
+
+    wanted = ImportOptions(
+        odometry=OdometrySource(options.odometry_from),
+        every_m=options.every_m,
+        every_deg=options.every_deg,
+        fov_deg=options.fov,
+        height_m=options.height,
+        pitch_deg=options.pitch,
+        scene=options.scene,
+    )
+    camera = None if options.camera is None else read_camera_option(options.camera)
+    read = ReadOptions(
+        rgb=options.rgb,
+        depth=options.depth,
+        odometry=options.odometry,
+        camera_info=options.camera_info,
+        camera=None if camera is None else camera.camera,
+        depth_unit_m=None if camera is None else camera.metres_per_unit,
+        rate_hz=options.rate,
+    )
+    drive = open_drive(options.source, options.format, read)
+    with tqdm(desc="import", unit="image", total=drive.facts.frames) as bar:
+
+        def show(done: int, total: int | None) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return import_drive(drive, options.output, wanted, show)

@@ -1,26 +1,32 @@
 """`ltvn navigate`: drive by a saved map."""
 
 import logging
-from dataclasses import asdict, dataclass
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from ltvn_core.errors import MapError
+from ltvn_core.errors import MapError, OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.option_types import AUTO, PredictorName, announce_stream
 from ltvn_core.verbs.outputs import NewRecording
-from ltvn_core.verbs.verb import Verb
+from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ltvn_core.data.recording.recorded_run import RunDescription
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.maps.topological_map import TopologicalMap
-    from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
+    from ltvn_core.types import NodeId, Pose
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
+    from ltvn_core.verbs.robot_queries import QueriesSummary
 
-
+_LOG = logging.getLogger(__name__)
 _LOG = logging.getLogger(__name__)
 
 
@@ -41,7 +47,7 @@ class NavigateSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NavigateOptions(Verb):
+class NavigateVerb(Verb):
     """Drive to one or several goals by a saved map, with the navigation system and the maintenance of the map."""
 
     map: Positional[Path]
@@ -138,9 +144,105 @@ class NavigateOptions(Verb):
             "method": asdict(known.system.method),
         }
 
+    def run(self) -> Summary:
+        """Drive and maintain the map; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
+        if self.queries < 1 or (self.goal is not None and self.queries > 1):
+            raise OptionError(
+                f"--queries must be 1 or more, and 1 where --goal names the only goal, got {self.queries}."
+            )
+        if self.robot is not None:
+            return navigate_with(self, self.robot)
+        return _drive(self)
 
-@dataclass(frozen=True, kw_only=True)
-class NavigateVerb(NavigateOptions):
-    """Drive to one or several goals by a saved map, with the navigation system and the maintenance of the map."""
 
-    job = "ltvn_core.verbs.jobs.navigate:navigate"
+def _goals(options: NavigateVerb, runner: "HeadlessRunner", rng: "np.random.Generator") -> "Sequence[NodeId]":
+    """Return the one given goal, or random nodes."""
+    return runner.random_goals(options.queries, rng) if options.goal is None else [options.goal]
+
+
+def _drive(options: NavigateVerb) -> NavigateSummary:
+    """Open all parts, run the queries, and save the map if requested."""
+    import numpy as np
+
+    from ltvn_core.cameras.rectification import rectified_camera
+    from ltvn_core.data.recording.recorded_run import RunDescription
+    from ltvn_core.evaluation.worlds.world_truth import true_presence, true_rooms
+    from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.simulation.body_selection import choose_body
+    from ltvn_core.simulation.opening import open_script, open_simulation
+    from ltvn_core.systems.maintenance import with_maintenance
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
+
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    known = options.open_map()
+    observation = known.keyframes.observation
+    simulation = open_simulation(
+        known.scene,
+        seed=options.seed,
+        first_step=max(known.keyframes.frames) + 1,
+        start=_start(known, rng),
+        spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, known.predictor.camera)),
+        script=None if options.world is None else open_script(options.world, known.scene, seed=options.seed),
+        body=options.body,
+    )
+    if options.maintenance is not None:
+        truth = true_presence(simulation.world, observation)
+        room_of = true_rooms(simulation.scene, observation)
+        system = with_maintenance(known.system, options.maintenance, truth=truth, room_of=room_of)
+        known = replace(known, system=system)
+    run = RunDescription(
+        scene=known.scene,
+        config=options.settings(known) | {"body": choose_body(options.body)},
+        fingerprint=known.predictor.fingerprint,
+        camera=simulation.robot.spec.camera,
+        scene_glb=simulation.scene.glb(),
+    )
+    with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
+        writer.write_map(known.graph, known.observations)
+        runner = HeadlessRunner(simulation, writer, known)
+        outcome = runner.run_queries(_goals(options, runner, rng), rng)
+    return options.finish(known, run, outcome, time.monotonic() - started)
+
+
+def _start(known: "TopologicalMap", rng: "np.random.Generator") -> "Pose | None":
+    """Return the pose of a random node's image; None for a random free place, if the pose is unknown."""
+    return known.keyframes.observation(int(rng.choice(list(known.graph.nodes)))).exact_pose
+
+
+def navigate_with(options: NavigateVerb, name: str) -> NavigateSummary:
+    """Drive a robot to goals of a map; "reached" is the robot's own belief, because the truth is unknown."""
+    import numpy as np
+
+    from ltvn_core.data.recording.recorded_run import RunDescription
+    from ltvn_core.evaluation.query_run import random_goals
+    from ltvn_core.systems.maintenance import with_maintenance
+    from ltvn_core.verbs.robot_queries import QueriesSummary, RobotQueries, continued_robot, opened_robot
+
+    if options.world is not None:
+        raise OptionError("--world changes a simulated scene; omit it with your own robot.")
+    if options.maintenance in ("truth", "brm-rooms"):
+        raise OptionError(
+            f"--maintenance {options.maintenance} needs the simulator; choose another one with your own robot."
+        )
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    known = options.open_map()
+    if options.maintenance is not None:
+        known = replace(known, system=with_maintenance(known.system, options.maintenance))
+    with opened_robot(name) as own:
+        robot = continued_robot(own, known)
+        run = RunDescription(
+            scene=known.scene,
+            config={**options.settings(known), "robot": name, **own.spec.needed_space.to_config()},
+            fingerprint=known.predictor.fingerprint,
+            camera=robot.spec.camera,
+            scene_glb=known.scene_glb,
+        )
+        with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
+            writer.write_map(known.graph, known.observations)
+            driver = RobotQueries(robot, writer, known, rng)
+            nodes = list(known.graph.nodes)
+            goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
+            outcome = QueriesSummary.of([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
+    return options.finish(known, run, outcome, time.monotonic() - started)

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from ltvn_core.errors import OptionError, PluginError
-from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.verbs.outputs import SummaryFile, require_outputs
 
+FLAT = {"flat": True}
+"""Metadata of a summary's field whose own fields are shown in its place, such as the metrics of a test."""
 _SENTENCE = 60
 """Length above which the texts of a list are sentences, each on a line of its own."""
 _LABELS = {"findings": "doubts"}
@@ -69,7 +70,7 @@ class Verb:
     """
 
     job: ClassVar[str] = ""
-    """The function that runs the job with the options, as `package.module:function`; `run` imports its module."""
+    """Function that runs the job with the options, as `package.module:function`, if a class does not override `run`."""
 
     json: SummaryFile | None = None
     """Write a machine-readable summary to this file; - is standard output."""
@@ -88,19 +89,12 @@ class Verb:
 
     def run(self) -> Summary:
         """Run the job and return its summary. Raises LtvnError."""
-        return do_job(self.job, self)
+        module, _, function = self.job.partition(":")
+        return getattr(import_module(module), function)(self)
 
     def exit_code(self, summary: Summary) -> int:
         """Return the exit code for a summary: 0, unless the verb checks something that can fail."""
         return 0
-
-
-def do_job(job: str, options: Verb) -> Summary:
-    """Import a job's module and run the job; all verbs load their libraries here. Raises LtvnError."""
-    module, _, function = job.partition(":")
-    with garbage_collection_paused():  # A fifth of the time that importing takes.
-        loaded = import_module(module)
-    return getattr(loaded, function)(options)
 
 
 def _check_number(name: str, number: int) -> None:
@@ -138,7 +132,16 @@ def _json_value(summary: Summary) -> object:
         return summary.as_json()
     doubts = getattr(summary, "doubts", None)
     told = {} if doubts is None else {"doubts": doubts}
-    return asdict(summary) | told
+    return _rows(summary) | told
+
+
+def _rows(summary: Summary) -> dict[str, Any]:
+    """Return the values of a summary by name; those of a flat field stand in its place."""
+    rows: dict[str, Any] = {}
+    for field in fields(summary):
+        value = getattr(summary, field.name)
+        rows |= _rows(value) if field.metadata == FLAT else {field.name: value}
+    return rows
 
 
 def to_text(summary: Summary) -> str:
@@ -147,7 +150,7 @@ def to_text(summary: Summary) -> str:
         return "\n\n".join(map(to_text, summary.parts))
     if isinstance(summary, OwnWords):
         return summary.as_text()
-    rows = {_LABELS.get(field.name, field.name): getattr(summary, field.name) for field in fields(summary)}
+    rows = {_LABELS.get(name, name): value for name, value in _rows(summary).items()}
     width = max(map(len, rows), default=0)
     return "\n".join(f"{label.replace('_', ' '):<{width}}  {_shown(value)}" for label, value in rows.items())
 
@@ -155,6 +158,8 @@ def to_text(summary: Summary) -> str:
 def _plain(value: object) -> object:
     if isinstance(value, Path | Enum):
         return str(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
     if hasattr(value, "tolist"):  # numpy scalars and arrays
         return value.tolist()  # type: ignore[attr-defined]
     raise PluginError(

@@ -47,7 +47,7 @@ class AppVerb(AppSettings, FloorPlanOptions, Verb):
         self, laid: "LaidFloorPlan | None", *, replay: str | None = None, at_s: float = 0.0, ask: str = ""
     ) -> AppSummary:
         """Serve the page with a floor plan, on a recording of the folder or on the robot. Raises LtvnError."""
-        from ltvn_core.verbs.jobs.stream import announce_stream
+        from ltvn_core.verbs.option_types import announce_stream
         from ltvn_viz.app import AppOptions, run_app
         from ltvn_viz.session.options import DEMO_SCENE
 

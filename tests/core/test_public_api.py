@@ -81,7 +81,7 @@ def test_an_unknown_name_is_said_to_be_unknown() -> None:
     ("module", "unneeded"),
     [
         ("ltvn_core", {"torch", "rerun", "pybullet", "viser", "cv2", "scipy", "matplotlib", "ltvn_viz"}),
-        ("ltvn_core.verbs.jobs.recording_files", {"torch", "pybullet", "viser", "scipy", "matplotlib", "trimesh"}),
+        ("ltvn_core.verbs.recording_files", {"torch", "pybullet", "viser", "scipy", "matplotlib", "trimesh"}),
         ("ltvn_viz.debugger.file_questions", {"torch", "pybullet", "viser", "matplotlib", "trimesh"}),
     ],
 )

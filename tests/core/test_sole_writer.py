@@ -12,14 +12,9 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.evaluation.plans import RunFiles
 from ltvn_core.sole_writer import sole_user, sole_writer
 from ltvn_core.verbs.build import BuildVerb
-from ltvn_core.verbs.evaluate import EvaluateVerb
+from ltvn_core.verbs.evaluate import EvaluateVerb, run_plans_of
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.import_drive import ImportVerb
-from ltvn_core.verbs.jobs.build import build_map
-from ltvn_core.verbs.jobs.evaluate import evaluate, run_plans_of
-from ltvn_core.verbs.jobs.finetune import finetune_network
-from ltvn_core.verbs.jobs.import_drive import import_recording
-from ltvn_core.verbs.jobs.train import train_network
 from ltvn_core.verbs.train import TrainVerb
 
 HOLD = """
@@ -75,7 +70,7 @@ def test_a_second_evaluation_of_the_same_part_is_refused(tmp_path: Path) -> None
         held_elsewhere(files.run / "part-2-of-3"),
         pytest.raises(RecordingError, match="Another process"),
     ):
-        evaluate(options)
+        options.run()
 
 
 def test_an_output_that_exists_is_refused(tmp_path: Path) -> None:
@@ -90,12 +85,12 @@ def test_long_work_into_an_output_that_another_process_writes_is_refused_before_
     missing = tmp_path / "missing.rrd"  # Looking for it would already be work.
     with held_elsewhere(output), held_elsewhere(weights), held_elsewhere(tmp_path / "work"):
         with pytest.raises(RecordingError, match="Another process"):
-            build_map(BuildVerb(recordings=(missing,), output=output))
+            BuildVerb(recordings=(missing,), output=output).run()
         with pytest.raises(RecordingError, match="Another process"):
-            import_recording(ImportVerb(source=missing, output=output))
+            ImportVerb(source=missing, output=output).run()
         with pytest.raises(RecordingError, match="Another process"):
-            finetune_network(FinetuneVerb(recording=missing, output=weights))
+            FinetuneVerb(recording=missing, output=weights).run()
         with pytest.raises(RecordingError, match="Another process"):
-            train_network(TrainVerb(output=weights, work=tmp_path / "other"))
+            TrainVerb(output=weights, work=tmp_path / "other").run()
         with pytest.raises(RecordingError, match="Another process"):
-            train_network(TrainVerb(output=tmp_path / "other.safetensors", work=tmp_path / "work"))
+            TrainVerb(output=tmp_path / "other.safetensors", work=tmp_path / "work").run()

@@ -12,8 +12,7 @@ from ltvn_core import Prediction, PredictorRequest
 from ltvn_core.data.importing.raw_frame import ReadOptions
 from ltvn_core.plugins import PREDICTORS, QUESTIONS, READERS, ROBOTS, SYSTEMS, Plugin, PluginGroup, find_plugins
 from ltvn_core.testing import check_reader, check_robot
-from ltvn_core.verbs.jobs.plugins import broken_contract, list_or_test, plugin_row
-from ltvn_core.verbs.plugins import PluginsVerb
+from ltvn_core.verbs.plugins import PluginsVerb, broken_contract, plugin_row
 from tests.core.data.importing.drives import EXCERPT, ListedDrive
 from tests.core.plugin_packages import install, ltvn
 from tests.repository import ROOT
@@ -160,7 +159,7 @@ def test_a_robot_whose_step_stands_still_is_broken() -> None:
 
 
 def test_all_that_comes_with_the_toolkit_is_listed_and_can_be_loaded() -> None:
-    listed: Any = list_or_test(PluginsVerb())
+    listed: Any = PluginsVerb().run()
     rows = listed.plugins
     assert {"ltvn.verbs", "ltvn.predictors", "ltvn.systems"} <= {row.group for row in rows}
     assert [str(row) for row in rows if row.package == "ltvn" and not row.works] == []
@@ -180,7 +179,7 @@ def test_questions_are_asked_about_the_demo_recording() -> None:
 def test_a_verb_whose_job_is_missing_is_broken(tmp_path: Path) -> None:
     source = (
         "from ltvn_core.verbs.verb import Verb\n"
-        'class Idle(Verb):\n    """Rest."""\n    job = "ltvn_core.verbs.jobs.plugins:rest"\n'
+        'class Idle(Verb):\n    """Rest."""\n    job = "ltvn_core.verbs.plugins:rest"\n'
     )
     install(tmp_path, "idle", "[ltvn.verbs]\nidle = idle:Idle\n", source=source)
     tested = ltvn(tmp_path, "plugins", "test", "idle")

@@ -20,8 +20,8 @@ from ltvn_core.navigation.events import Event, Judged
 from ltvn_core.simulation.opening import Simulation, open_simulation
 from ltvn_core.types import NodeId
 from ltvn_core.verbs.build import BuildVerb
-from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
-from ltvn_core.verbs.jobs.robot_queries import RobotQueries
+from ltvn_core.verbs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.robot_queries import RobotQueries
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.asked_actions import AskedActions
 from ltvn_viz.session.live_map import LiveMap

@@ -26,8 +26,7 @@ from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.verbs.jobs.lifelong import LifelongSummary
-from ltvn_core.verbs.lifelong import LifelongVerb
+from ltvn_core.verbs.lifelong import LifelongSummary, LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
 pytestmark = pytest.mark.slow

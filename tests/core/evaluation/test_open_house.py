@@ -16,8 +16,7 @@ from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.results import TestedMap, append_rows, load_results
 from ltvn_core.evaluation.runner import run_plans
 from ltvn_core.navigation.events import Note
-from ltvn_core.verbs.collect import CollectVerb
-from ltvn_core.verbs.jobs.collect import CollectSummary
+from ltvn_core.verbs.collect import CollectSummary, CollectVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
 EPISODES = 3

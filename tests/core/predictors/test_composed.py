@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.plugins import PREDICTORS, find_plugins
 from ltvn_core.predictors.composed import PROPOSED, ComposedPredictor
 from ltvn_core.types import Observation
-from ltvn_core.verbs.jobs.plugins import broken_contract
+from ltvn_core.verbs.plugins import broken_contract
 from tests.core.flat_world import FlatPredictor, FlatRobot, one_room
 
 

@@ -10,8 +10,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.network.architecture import NETWORK_CAMERA
 from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.training.fine_tuning_data import read_labelled_drive
-from ltvn_core.verbs.build import BuildVerb
-from ltvn_core.verbs.jobs.build import BuildSummary
+from ltvn_core.verbs.build import BuildSummary, BuildVerb
 from tests.core.predictors.foreign_drive import CAMERA, write_foreign_drive
 
 IMAGES = 8

@@ -21,7 +21,6 @@ from ltvn_core.predictors.onnx_policy import OnnxModel, OnnxPolicy
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
-from ltvn_core.verbs.jobs.plugins import list_or_test
 from ltvn_core.verbs.plugins import PluginsVerb
 from tests.core.predictors.onnx_models import CARD, DESCRIPTOR_CARD, STEPS_PER_COLOUR, descriptor_card, policy_card
 
@@ -142,7 +141,7 @@ def test_a_damaged_model_and_a_missing_card_are_clear_errors(tmp_path: Path) -> 
 def test_a_model_keeps_the_contract_of_predictors(tmp_path: Path, card: Callable[[Path], Path]) -> None:
     options = PluginsVerb(command=("test", "onnx"), weights=card(tmp_path))
 
-    tested: Any = list_or_test(options)
+    tested: Any = options.run()
 
     assert (tested.why, options.exit_code(tested)) == ("", 0)
 
@@ -151,7 +150,7 @@ def test_weights_belong_to_predictors_alone(tmp_path: Path) -> None:
     options = PluginsVerb(command=("test", "sptm"), weights=policy_card(tmp_path))
 
     with pytest.raises(OptionError, match="--weights belongs to a predictor"):
-        list_or_test(options)
+        options.run()
 
 
 def descriptor_with(folder: Path, nodes: Sequence[onnx.NodeProto], weights: onnx.TensorProto, card: str = "") -> Path:

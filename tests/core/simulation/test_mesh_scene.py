@@ -17,9 +17,8 @@ from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene, scene_names
 from ltvn_core.types import Twist
-from ltvn_core.verbs.collect import CollectVerb
-from ltvn_core.verbs.jobs.collect import CollectSummary
-from ltvn_core.verbs.jobs.plugins import broken_contract
+from ltvn_core.verbs.collect import CollectSummary, CollectVerb
+from ltvn_core.verbs.plugins import broken_contract
 from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M, cut_away
 from tests.core.plugin_packages import install
 from tests.core.simulation.two_room_mesh import BLUE, HEIGHT, RED, box_house, save

@@ -13,8 +13,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.maps.map_coverage import GoalReport, Standing
 from ltvn_core.network.weights_file import weights_fingerprint
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.verbs.build import BuildVerb
-from ltvn_core.verbs.jobs.build import BuildSummary
+from ltvn_core.verbs.build import BuildSummary, BuildVerb
 from ltvn_core.verbs.navigate import NavigateVerb
 from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.goals import ThumbnailStore

@@ -5,10 +5,8 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import DatasetError, SceneError
-from ltvn_core.verbs.dataset import DatasetVerb
-from ltvn_core.verbs.jobs.dataset import DatasetSummary
-from ltvn_core.verbs.jobs.train import read_shards
-from ltvn_core.verbs.train import TrainVerb
+from ltvn_core.verbs.dataset import DatasetSummary, DatasetVerb
+from ltvn_core.verbs.train import TrainVerb, read_shards
 
 pytest.importorskip("embreex")
 

@@ -12,7 +12,6 @@ from ltvn_core.errors import PluginError
 from ltvn_core.plugins import OWN_PACKAGE, VERBS, Plugin
 from ltvn_core.verbs.discovery import FIRST_SHOWN, GROUPS, find_verbs, load_verb
 from tests.core.plugin_packages import install, ltvn
-from tests.repository import ROOT
 
 HEAVY = ("torch", "rerun", "pybullet", "viser", "numpy", "cv2", "matplotlib", "ltvn_viz.app")
 
@@ -79,13 +78,6 @@ def test_ltvn_alone_says_with_what_to_begin(packages: Path) -> None:
     begun = re.findall(r"^  ltvn ([a-z]+)", run.stdout, re.MULTILINE)
     assert len(begun) == 4
     assert set(begun) <= set(FIRST_SHOWN)
-
-
-def test_every_job_that_a_verb_names_is_a_function_of_its_module() -> None:
-    for options in [*(ROOT / "ltvn_core/verbs").glob("*.py"), *(ROOT / "ltvn_viz/verbs").glob("*.py")]:
-        for module, function in re.findall(r'"([\w.]+\.jobs\.\w+):(\w+)"', options.read_text(encoding="utf-8")):
-            job = ROOT.joinpath(*module.split(".")).with_suffix(".py")
-            assert f"\ndef {function}(" in job.read_text(encoding="utf-8"), f"{module}:{function}"
 
 
 def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages: Path) -> None:

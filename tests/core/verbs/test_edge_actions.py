@@ -7,7 +7,8 @@ import pytest
 from ltvn_core.errors import SceneError
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.types import NodeId
-from ltvn_core.verbs.jobs.edge_actions import SimulatedActions, TerminalActions
+from ltvn_core.verbs.headless_runner import SimulatedActions
+from ltvn_core.verbs.robot_queries import TerminalActions
 from tests.waiting import until
 
 LIFT = "Take the lift to floor 2"

@@ -4,7 +4,7 @@ import io
 
 from tqdm import tqdm
 
-from ltvn_core.verbs.jobs.evaluation_progress import progress_on_bar
+from ltvn_core.verbs.evaluate import progress_on_bar
 
 
 def test_the_bar_shows_the_preparation_and_then_the_work() -> None:

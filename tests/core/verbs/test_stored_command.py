@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from ltvn_core.verbs.jobs.evaluate import command
+from ltvn_core.verbs.evaluate import command
 
 
 def test_folders_that_lead_to_a_file_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

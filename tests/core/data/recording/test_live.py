@@ -18,7 +18,7 @@ from ltvn_core.data.recording.viewer_server import open_here, serve_viewer
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import OptionError, RecordingError, ServerError
 from ltvn_core.navigation.events import Note, StampedEvent
-from ltvn_core.verbs.jobs.stream import announce_stream
+from ltvn_core.verbs.option_types import announce_stream
 from tests.waiting import PATIENCE_S
 
 ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}

@@ -18,8 +18,7 @@ from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.evaluation.reports.figure_style import FigurePalette
 from ltvn_core.evaluation.results import Run, append_rows, read_queries
-from ltvn_core.verbs.jobs.report import ReportSummary
-from ltvn_core.verbs.report import ReportVerb
+from ltvn_core.verbs.report import ReportSummary, ReportVerb
 from tests.core.data.recording import example_recording
 from tests.core.evaluation.reports.fake_results import (
     few_results,

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,9 +16,9 @@ from ltvn_core.evaluation.results import load_results, read_queries
 from ltvn_core.evaluation.runner import run_query_batch
 from ltvn_core.evaluation.worlds.world_schedule import WorldSchedule
 from ltvn_core.simulation.changes.world_script import MORNING_S
-from ltvn_core.verbs.jobs.evaluate import run_plans_of
-from ltvn_core.verbs.jobs.lifelong import WorldSummary
-from ltvn_core.verbs.lifelong import LifelongVerb
+from ltvn_core.verbs.evaluate import run_plans_of
+from ltvn_core.verbs.lifelong import LifelongVerb, WorldSummary
+from ltvn_core.verbs.verb import to_json
 from tests.core.simulation.two_room_mesh import box_house, save
 
 WALL_X = 3.0
@@ -82,7 +82,7 @@ def files(house: Path, maintenance: str) -> tuple[RunPlan, RunFiles]:
 
 
 def test_the_summary_has_what_the_design_promises_for_each_maintenance(summary: WorldSummary) -> None:
-    found = asdict(summary)
+    found = json.loads(to_json(summary))
     assert found.keys() >= CONTRACT
     assert tuple(found["by_maintenance"]) == MAINTENANCES
     assert found["by_maintenance"]["static"].keys() >= CONTRACT

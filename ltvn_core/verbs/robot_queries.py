@@ -5,8 +5,9 @@ Guarantees that the robot is stopped and closed at the end. Simulated runs are r
 
 import logging
 import sys
+import threading
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -21,11 +22,11 @@ from ltvn_core.evaluation.query_run import run_query
 from ltvn_core.graph.deltas import BULK_CAUSES
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.robots.robot import Robot, require_drivable
 from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
 from ltvn_core.types import CONTROL_STEP_S, NodeId
-from ltvn_core.verbs.jobs.edge_actions import TerminalActions
 
 _LOG = logging.getLogger(__name__)
 
@@ -136,3 +137,36 @@ class RobotQueries:
         _LOG.info("Node %d: %s after %.1f m.", goal, result.outcome, result.path_m)
         self._drawn.draw()
         return result
+
+
+class TerminalActions:
+    """Asks the person at the terminal to perform the action, and waits for the answer in a thread."""
+
+    def __init__(self, ask: Callable[[str], str] = input) -> None:
+        """`ask` prints a question and returns the answer; raises EOFError if nobody can answer."""
+        self._ask = ask
+        self._state = ActionState.FAILED
+        self._thread: threading.Thread | None = None
+
+    def begin(self, source: NodeId, target: NodeId, action: str) -> None:
+        """Ask for an action; a question without an answer from an earlier action stands for this one."""
+        self._state = ActionState.PENDING
+        if self._thread is not None and self._thread.is_alive():
+            _LOG.info("Now: %s (node %d to node %d).", action, source, target)
+            return
+        question = (
+            f"{action} (node {source} to node {target}). Press Enter when it is done, or n and Enter if it failed. "
+        )
+        self._thread = threading.Thread(target=self._wait, args=(question,), name="action answer", daemon=True)
+        self._thread.start()
+
+    def state(self) -> ActionState:
+        """Return the state of the action that was begun last."""
+        return self._state
+
+    def _wait(self, question: str) -> None:
+        try:
+            has_failed = self._ask(question).strip().lower().startswith("n")
+        except EOFError:
+            has_failed = True
+        self._state = ActionState.FAILED if has_failed else ActionState.DONE

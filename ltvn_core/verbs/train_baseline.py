@@ -6,6 +6,7 @@ rival of the paper. Some rivals add layers to the shipped weights; then only the
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.baseline_training import BaselineCard, baseline_training_plan, evaluate_baseline
@@ -21,8 +22,10 @@ from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_summary
 from ltvn_core.training.simulated_scenes import labelled_walks
-from ltvn_core.verbs.jobs.dataset import DEFAULT_SCENE_PREFIXES
-from ltvn_core.verbs.train import TrainVerb
+from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
+
+if TYPE_CHECKING:
+    from ltvn_core.verbs.train import TrainVerb
 
 _MINUTES = 8.0
 """Time for training where no option gives it, in minutes."""
@@ -46,7 +49,7 @@ class BaselineSummary:
     """Figures of the new weights, by the rival's labels."""
 
 
-def train_baseline(options: TrainVerb, output: Path) -> BaselineSummary:
+def train_baseline(options: "TrainVerb", output: Path) -> BaselineSummary:
     """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
     _check_options(options, output)
     data = _data(options)
@@ -70,7 +73,7 @@ def train_baseline(options: TrainVerb, output: Path) -> BaselineSummary:
     )
 
 
-def _check_options(options: TrainVerb, output: Path) -> None:
+def _check_options(options: "TrainVerb", output: Path) -> None:
     _temporal_learning(options.system)
     if not (_minutes(options) > 0 and (options.steps is None or options.steps > 0)):
         raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
@@ -80,12 +83,12 @@ def _check_options(options: TrainVerb, output: Path) -> None:
         raise OptionError(f"--output must end in .safetensors, got {output}.")
 
 
-def _below(options: TrainVerb) -> Path | None:
+def _below(options: "TrainVerb") -> Path | None:
     """Return the weights to which the rival adds layers; None if it adds none."""
     return SHIPPED_WEIGHTS if _temporal_learning(options.system).added else None
 
 
-def _start(options: TrainVerb, work: Path) -> Path | None:
+def _start(options: "TrainVerb", work: Path) -> Path | None:
     """Return the initial weights, None for random ones; layers to add are saved with them in the folder `work`."""
     if (added := _temporal_learning(options.system).added) is None:
         return None if options.fresh else SHIPPED_WEIGHTS
@@ -95,7 +98,7 @@ def _start(options: TrainVerb, work: Path) -> Path | None:
     return start
 
 
-def _learned(options: TrainVerb, weights: Path) -> Path:
+def _learned(options: "TrainVerb", weights: Path) -> Path:
     """Return the file of the new weights as it will be saved; if layers were added, it holds only these, in half
     precision."""
     if _below(options) is None:
@@ -105,20 +108,20 @@ def _learned(options: TrainVerb, weights: Path) -> Path:
     return added
 
 
-def _walks(options: TrainVerb) -> Path:
+def _walks(options: "TrainVerb") -> Path:
     return options.data / "walks"
 
 
-def _minutes(options: TrainVerb) -> float:
+def _minutes(options: "TrainVerb") -> float:
     return _MINUTES if options.minutes is None else options.minutes
 
 
-def _length(options: TrainVerb) -> str:
+def _length(options: "TrainVerb") -> str:
     length = f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}"
     return length + " --fresh" * options.fresh
 
 
-def _data(options: TrainVerb) -> TrainingData:
+def _data(options: "TrainVerb") -> TrainingData:
     names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
     shards = labelled_walks(
         _temporal_learning(options.system).rule,
@@ -130,7 +133,7 @@ def _data(options: TrainVerb) -> TrainingData:
     return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
 
-def _plan(options: TrainVerb) -> TrainingPlan:
+def _plan(options: "TrainVerb") -> TrainingPlan:
     return baseline_training_plan(
         even_distances=_temporal_learning(options.system).even_distances,
         minutes=_minutes(options),
@@ -141,7 +144,7 @@ def _plan(options: TrainVerb) -> TrainingPlan:
 
 
 def _card(
-    options: TrainVerb, output: Path, data: TrainingData, plan: TrainingPlan, result: TrainingResult, learned: Path
+    options: "TrainVerb", output: Path, data: TrainingData, plan: TrainingPlan, result: TrainingResult, learned: Path
 ) -> BaselineCard:
     start = None if options.fresh else SHIPPED_WEIGHTS
     shards = [scene for scene in data.scenes if isinstance(scene, Shard)]

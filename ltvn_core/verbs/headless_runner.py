@@ -4,6 +4,7 @@ Owns the order of driving, recording and judging. The page has another loop (`lt
 there time is real and a user may interfere.
 """
 
+import logging
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,17 +13,19 @@ from tqdm import tqdm
 
 from ltvn_core.data.recording.recorded_run import RecordedRobot, record_images
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.errors import MapError
+from ltvn_core.errors import MapError, SceneError
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals, run_queries
 from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import Event, GraphChanged, Judged, WorldChanged
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.simulation.opening import Simulation
 from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose
-from ltvn_core.verbs.jobs.edge_actions import SimulatedActions
-from ltvn_core.verbs.jobs.robot_queries import DrawnRun, QueriesSummary
+from ltvn_core.verbs.robot_queries import DrawnRun, QueriesSummary
+
+_LOG = logging.getLogger(__name__)
 
 
 class HeadlessRunner:
@@ -121,3 +124,26 @@ class HeadlessRunner:
     def _record_world(self, events: Sequence[WorldChanged]) -> None:
         for event in events:
             self.record(event)
+
+
+class SimulatedActions:
+    """Puts a simulated robot at the target at once, because no simulated lift carries it there."""
+
+    def __init__(self, put_at: Callable[[NodeId], None]) -> None:
+        """`put_at` puts the robot at a node; raises MapError or SceneError where that is impossible."""
+        self._put_at = put_at
+        self._state = ActionState.FAILED
+
+    def begin(self, source: NodeId, target: NodeId, action: str) -> None:
+        """Put the robot at `target`; if it cannot stand there, the action fails."""
+        try:
+            self._put_at(target)
+        except (MapError, SceneError) as error:
+            _LOG.warning("%s: the simulated robot cannot stand at node %d: %s", action, target, error)
+            self._state = ActionState.FAILED
+        else:
+            self._state = ActionState.DONE
+
+    def state(self) -> ActionState:
+        """Return the state of the action that was begun last."""
+        return self._state

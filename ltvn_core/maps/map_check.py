@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.image_similarity import colour_descriptors
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import Rectification, have_same_rays
-from ltvn_core.data.importing.revisits import near_pairs, revisits
+from ltvn_core.data.revisits import near_pairs, revisits
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import strongly_connected_components

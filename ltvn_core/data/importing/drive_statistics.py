@@ -16,8 +16,8 @@ from ltvn_core.config import ROBUST
 from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts, RawFrame
-from ltvn_core.data.importing.revisits import near_pairs, revisits
 from ltvn_core.data.importing.stamped_lists import period_s
+from ltvn_core.data.revisits import near_pairs, revisits
 from ltvn_core.geometry import distance, relative, rigid_fit
 from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S

@@ -24,8 +24,8 @@ from ltvn_core.data.importing.drive_statistics import (
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import NO_DEPTH, NO_POSE, NOT_LATER, DriveFacts
-from ltvn_core.data.importing.revisits import NEAR_M
 from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
+from ltvn_core.data.revisits import NEAR_M
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.geometry import wrap_angle
 

@@ -95,7 +95,7 @@ class PlanView:
             return
         self._told[kind] = message
         self._due[kind] = self._clock() + every_s
-        self._tell(kind, msgspec.json.encode(message, enc_hook=_plain).decode())
+        self._tell(kind, msgspec.json.encode(message, enc_hook=np.generic.item).decode())
 
     def _say_path(self, kind: Newest, name: str, poses: NDArray[np.float64], every_s: float) -> None:
         if poses is self._told.get(kind) or self._clock() < self._due.get(kind, 0.0):
@@ -225,11 +225,6 @@ def _encoded(picture: NDArray[np.uint8]) -> bytes:
     if picture.shape[2] == 4:
         return cv2.imencode(".png", picture[..., [2, 1, 0, 3]])[1].tobytes()
     return cv2.imencode(".jpg", picture[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))[1].tobytes()
-
-
-def _plain(number: np.generic) -> Any:
-    """Convert a number of numpy, which JSON does not know."""
-    return number.item()
 
 
 def _rounded(pose: Pose) -> list[float]:

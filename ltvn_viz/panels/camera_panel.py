@@ -68,11 +68,9 @@ class CameraPanel:
 def _look_the_same(one: CameraImage | None, other: CameraImage | None) -> bool:
     if one is None or other is None:
         return one is other
-    return np.array_equal(one.rgb, other.rgb) and _same_depth(one.depth, other.depth)
-
-
-def _same_depth(one: Depth | None, other: Depth | None) -> bool:
-    return one is other if one is None or other is None else np.array_equal(one, other)
+    if one.depth is None or other.depth is None:
+        return one.depth is other.depth and np.array_equal(one.rgb, other.rgb)
+    return np.array_equal(one.rgb, other.rgb) and np.array_equal(one.depth, other.depth)
 
 
 def caption(view: CameraImage | None) -> str:

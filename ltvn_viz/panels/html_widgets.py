@@ -135,15 +135,12 @@ class ActionButton:
         wish = WISHES[self.action]
         caps = self.caps or key_label(self.action)
         key = f"<kbd>{escape(caps)}</kbd>" if caps else ""
-        about = "" if self.target is None else f' data-{_kind(self.target)}="{escape(str(self.target))}"'
+        kind_of_target = "text" if isinstance(self.target, str) else "id"
+        about = "" if self.target is None else f' data-{kind_of_target}="{escape(str(self.target))}"'
         return (
             f'<button type="button"{kind}{off} data-ltvn-action="{self.action}"{about} '
             f'title="{escape(self.hint or wish.help)}">{escape(self.label or wish.label)}{key}</button>'
         )
-
-
-def _kind(target: int | str) -> str:
-    return "text" if isinstance(target, str) else "id"
 
 
 def button_row(*presses: ActionButton) -> str:

@@ -158,11 +158,6 @@ def first_tab(snapshot: Snapshot) -> str:
     return f' data-ltvn-tab="{tab}"'
 
 
-def _scene_click(snapshot: Snapshot) -> str:
-    """Return an attribute if the next step is a click on the map, which an open tab hides on a phone."""
-    return " data-ltvn-scene" if snapshot.hint.startswith("Click ") else ""
-
-
 def _line(snapshot: Snapshot) -> str:
     recording = snapshot.recording
     mode = f'<span class="lt-mode" data-mode="{snapshot.mode}">{snapshot.mode}</span>'
@@ -192,8 +187,10 @@ def _message(message: Message) -> str:
 
 
 def _hint(snapshot: Snapshot) -> str:
+    # On a phone an open tab hides the map, which the next step may be a click on.
+    on_map = " data-ltvn-scene" if snapshot.hint.startswith("Click ") else ""
     return (
-        f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}>'
+        f'<div class="lt lt-hint"{first_tab(snapshot)}{on_map}>'
         '<div class="lt-card"><strong>Next:</strong> '
         f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
     )

@@ -248,23 +248,17 @@ class Proof:
         """Wait for a socket's first message, and close the socket unless it is the token."""
         try:
             async with asyncio.timeout(self._within_s):
-                shown = _read(await connection.recv())
+                said = await connection.recv()
+            shown = _FROM_JSON.decode(said) if isinstance(said, str) else _FROM_MSGPACK.decode(said)
         except ConnectionClosed:
             return False
-        except TimeoutError:
+        except (TimeoutError, msgspec.DecodeError, RecursionError, ValueError):
             shown = None
         if shown is not None and _is_equal(shown.token, self._token):
             return True
         self._log.log(logging.INFO, "closed a socket that did not send the token of this start")
         await connection.close(REFUSED_CODE, REFUSED_REASON)
         return False
-
-
-def _read(message: bytes | str) -> _Shown | None:
-    try:
-        return _FROM_JSON.decode(message) if isinstance(message, str) else _FROM_MSGPACK.decode(message)
-    except (msgspec.DecodeError, RecursionError, ValueError):
-        return None
 
 
 def _is_equal(given: str, secret: str) -> bool:

@@ -43,7 +43,10 @@ class RecordingLibrary:
         except OSError:
             return {}  # The folder does not exist or is unreadable; the start of a recording reports which.
         found.sort(key=lambda each: (each[0].st_mtime, each[1]), reverse=True)
-        return {name: f"{_day(stat.st_mtime)}, {stat.st_size / 1e6:.1f} MB" for stat, name in found}
+        return {
+            name: f"{datetime.fromtimestamp(stat.st_mtime):%Y-%m-%d %H:%M}, {stat.st_size / 1e6:.1f} MB"
+            for stat, name in found
+        }
 
     def path(self, name: str) -> Path:
         """Return the path of a recording of the list; raises RecordingError for anything else."""
@@ -92,10 +95,6 @@ class RecordingLibrary:
     def _place(self, name: str) -> Path:
         """Return the path of the entry that is listed by a name."""
         return self.folder / next((each for each in os.listdir(self.folder) if readable(each) == name), name)
-
-
-def _day(stamp_s: float) -> str:
-    return datetime.fromtimestamp(stamp_s).strftime("%Y-%m-%d %H:%M")
 
 
 def _is_recording(entry: os.DirEntry[str]) -> bool:

@@ -99,7 +99,8 @@ class StripMarks:
 
     def _row(self, stamp: float, kind: StripKind, first: int = _NOBODY, second: int = _NOBODY) -> StripRow:
         self._latest[kind] = stamp
-        return StripRow(_ms(max(0.0, stamp - self.start_s)), kind, first, second)
+        milliseconds = math.ceil(1000 * max(0.0, stamp - self.start_s) - 1e-6)
+        return StripRow(milliseconds, kind, first, second)
 
     def _is_due(self, kind: StripKind, stamp: float) -> bool:
         """Tell whether an event gets a mark: always, unless it goes on for some time and has one that is so recent."""
@@ -154,10 +155,6 @@ class StripMarks:
                 pass
         first, second, *_ = (*about, _NOBODY, _NOBODY)
         return None if kind is None else (kind, first, second)
-
-
-def _ms(seconds: float) -> int:
-    return math.ceil(1000 * seconds - 1e-6)
 
 
 def _end(outcome: e.Outcome) -> QueryEnd:

@@ -14,7 +14,7 @@ from ltvn_core.verbs.outputs import NewWeights
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
+    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningProgress
 
 _SHORT_MINUTES = 0.25
 """Time of training, in minutes, below which weights are evaluated on a fifth of the pairs."""
@@ -54,6 +54,7 @@ class FinetuneVerb(Verb):
 
     def run(self) -> Summary:
         """Fine-tune, evaluate and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
+        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
         from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
         from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
         from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
@@ -62,13 +63,17 @@ class FinetuneVerb(Verb):
         if self.predictor != "network":
             return finetune_calibration(self)
         rule = OdometryLabelRule(horizon=self.horizon, gated=not self.literal)
+        plan = FineTuningPlan(minutes=self.minutes)
+        if self.minutes < _SHORT_MINUTES:  # Evaluating on all pairs would take longer than training.
+            plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
+        plan = replace(plan, learning=replace(plan.learning, seed=self.seed))
         with sole_user(self.output), _ProgressBar() as bar:
             found = fine_tune(
                 read_labelled_drive(self.recording, rule, parse_part(self.part)),
                 SimulatedPairs(self.data),
                 self.weights or system_entry(DEFAULT_SYSTEM).weights,
                 self.output,
-                _plan(self),
+                plan,
                 provenance=FineTuningProvenance(
                     recording=self.recording.name, system=DEFAULT_SYSTEM, command=tuning_command(self)
                 ),
@@ -77,16 +82,6 @@ class FinetuneVerb(Verb):
             )
         assert found is not None  # Only a cancelled call returns None, and this one cannot be cancelled.
         return found
-
-
-def _plan(options: FinetuneVerb) -> "FineTuningPlan":
-    """Return the plan of fine-tuning with the options."""
-    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-
-    plan = FineTuningPlan(minutes=options.minutes)
-    if options.minutes < _SHORT_MINUTES:  # Evaluating on all pairs would take longer than training.
-        plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
-    return replace(plan, learning=replace(plan.learning, seed=options.seed))
 
 
 class _ProgressBar:

@@ -2,7 +2,6 @@
 
 import logging
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,13 +16,9 @@ from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ltvn_core.data.recording.recorded_run import RunDescription
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.maps.topological_map import TopologicalMap
-    from ltvn_core.types import NodeId, Pose
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
     from ltvn_core.verbs.robot_queries import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
@@ -155,11 +150,6 @@ class NavigateVerb(Verb):
         return _drive(self)
 
 
-def _goals(options: NavigateVerb, runner: "HeadlessRunner", rng: "np.random.Generator") -> "Sequence[NodeId]":
-    """Return the one given goal, or random nodes."""
-    return runner.random_goals(options.queries, rng) if options.goal is None else [options.goal]
-
-
 def _drive(options: NavigateVerb) -> NavigateSummary:
     """Open all parts, run the queries, and save the map if requested."""
     import numpy as np
@@ -181,7 +171,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         known.scene,
         seed=options.seed,
         first_step=max(known.keyframes.frames) + 1,
-        start=_start(known, rng),
+        start=observation(int(rng.choice(list(known.graph.nodes)))).exact_pose,  # If unknown, some free place.
         spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, known.predictor.camera)),
         script=None if options.world is None else open_script(options.world, known.scene, seed=options.seed),
         body=options.body,
@@ -201,13 +191,9 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
         writer.write_map(known.graph, known.observations)
         runner = HeadlessRunner(simulation, writer, known)
-        outcome = runner.run_queries(_goals(options, runner, rng), rng)
+        goals = runner.random_goals(options.queries, rng) if options.goal is None else [options.goal]
+        outcome = runner.run_queries(goals, rng)
     return options.finish(known, run, outcome, time.monotonic() - started)
-
-
-def _start(known: "TopologicalMap", rng: "np.random.Generator") -> "Pose | None":
-    """Return the pose of a random node's image; None for a random free place, if the pose is unknown."""
-    return known.keyframes.observation(int(rng.choice(list(known.graph.nodes)))).exact_pose
 
 
 def navigate_with(options: NavigateVerb, name: str) -> NavigateSummary:

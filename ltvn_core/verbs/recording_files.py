@@ -98,11 +98,10 @@ def _of_each(options: RecordingsVerb, read: Callable[[Path], Summary]) -> Summar
         raise OptionError("Name at least one recording, such as drive.rrd.")
     if len(options.recordings) == 1:
         return read(options.recordings[0])
-    return Summaries(tuple(_summary_or_failure(path, read) for path in options.recordings))
-
-
-def _summary_or_failure(path: Path, read: Callable[[Path], Summary]) -> Summary:
-    try:
-        return read(path)
-    except (LtvnError, OSError) as error:
-        return Unreadable(path, str(error))
+    summaries: list[Summary] = []
+    for path in options.recordings:
+        try:
+            summaries.append(read(path))
+        except (LtvnError, OSError) as error:
+            summaries.append(Unreadable(path, str(error)))
+    return Summaries(tuple(summaries))

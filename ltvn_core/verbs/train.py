@@ -1,4 +1,4 @@
-"""`ltvn train`: trains weights on a dataset, or for a rival on random walks, and writes a card for them."""
+"""`ltvn train`: trains weights on a dataset and writes a card for them; those of a rival by `rival_training`."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from ltvn_core.errors import DatasetError, OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.sole_writer import sole_user
-from ltvn_core.systems.entry import TemporalLearning
-from ltvn_core.systems.registry import DEFAULT_SYSTEM, baseline_systems, system_entry
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.training.held_out_scenes import (
     CLUSTERS_PER_SCENE,
     IMAGES_PER_DRIVE,
@@ -22,35 +21,13 @@ from ltvn_core.training.held_out_scenes import (
 )
 from ltvn_core.verbs.option_types import SystemName
 from ltvn_core.verbs.outputs import FilledFolder, NewWeights
+from ltvn_core.verbs.rival_training import RivalTraining
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.network.baseline_training import BaselineCard
     from ltvn_core.network.model_card import HeldOutMetrics, InferenceSpeed, ModelCard
-    from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
+    from ltvn_core.network.optimization.training_loop import TrainingPlan, TrainingResult
     from ltvn_core.network.training_data.shards import Shard
-
-_BASELINE_MINUTES = 8.0
-"""Time for training where no option gives it, in minutes."""
-
-
-@dataclass(frozen=True)
-class BaselineSummary:
-    """The new weights, and their accuracy on the rival's labels in scenes without training."""
-
-    weights: Path
-    fingerprint: str
-    images: int
-    pairs: int
-    """Number of labelled pairs."""
-    steps: int
-    pairs_compared: int
-    minutes: float
-    before: dict[str, float]
-    """Figures of the initial weights, by the rival's labels; empty for random ones."""
-    after: dict[str, float]
-    """Figures of the new weights, by the rival's labels."""
-
 
 _WORK = Path("data/training")
 _MINUTES = 45.0
@@ -133,13 +110,22 @@ class TrainVerb(Verb):
 
     def run(self) -> Summary:
         """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
-
         _check(self)
         if self.evaluate:
             return _evaluate(self)
         output = _checked_output(self)
         if self.system != DEFAULT_SYSTEM:
-            return train_baseline(self, output)
+            return RivalTraining(
+                system=self.system,
+                output=output,
+                data=self.data,
+                work=self.work,
+                minutes=self.minutes,
+                steps=self.steps,
+                fresh=self.fresh,
+                seed=self.seed,
+                processes=self.processes or 2,
+            ).run()
         work = self.work or _WORK
         with sole_user(output), sole_user(work):
             return _trained(self, output, work)
@@ -187,7 +173,7 @@ def _plan(options: TrainVerb) -> "TrainingPlan":
     plan = TrainingPlan(
         Hyperparameters(seed=options.seed),
         default_architecture(options.architecture),
-        minutes=_minutes(options),
+        minutes=_MINUTES if options.minutes is None else options.minutes,
         bfloat16=options.bfloat16,
     )
     if options.architecture == "stacked":  # It runs on the pixels of every pair: validate on fewer.
@@ -219,10 +205,6 @@ def _measure(options: TrainVerb, weights: Path) -> "HeldOutMetrics":
     return measure_network(weights, folder, options.scenes, clusters=options.clusters, images=options.images)
 
 
-def _minutes(options: TrainVerb) -> float:
-    return _MINUTES if options.minutes is None else options.minutes
-
-
 def _checked_output(options: TrainVerb) -> Path:
     """Return the output file. Raises OptionError if none is given or the file exists."""
     if options.output is None:
@@ -252,7 +234,7 @@ def _card(
         (
             f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
             f"ltvn train --data data --architecture {options.architecture} --output {output.name} "
-            + (f"--minutes {_minutes(options):g}" if options.steps is None else f"--steps {options.steps}")
+            + (f"--minutes {plan.minutes:g}" if options.steps is None else f"--steps {options.steps}")
             + f" --seed {options.seed}"
             + (" --bfloat16" if options.bfloat16 else ""),
         ),
@@ -273,155 +255,3 @@ def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":
             f"{', '.join(shard.name for shard in shards) or 'none'}; run `ltvn dataset --folder {folder}`."
         )
     return learned, validation
-
-
-def train_baseline(options: TrainVerb, output: Path) -> BaselineSummary:
-    """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
-    from ltvn_core.network.optimization.training_loop import train
-    from ltvn_core.network.weights_file import load_weights, save_weights
-
-    _check_options(options, output)
-    data = _data(options)
-    plan = _baseline_plan(options)
-    work = options.work or _walks(options) / options.system
-    with sole_user(work):
-        result = train(data, plan, work, start=_start(options, work))
-    learned = _learned(options, result.weights)
-    card = _baseline_card(options, output, data, plan, result, learned)
-    fingerprint = save_weights(load_weights(learned), output, asdict(card), added_to=_below(options))
-    return BaselineSummary(
-        weights=output,
-        fingerprint=fingerprint,
-        images=card.trained_on.images,
-        pairs=card.trained_on.pairs,
-        steps=card.steps,
-        pairs_compared=card.pairs_compared,
-        minutes=card.minutes,
-        before=asdict(card.before) if card.before else {},
-        after=asdict(card.after),
-    )
-
-
-def _check_options(options: TrainVerb, output: Path) -> None:
-    _temporal_learning(options.system)
-    if not (_baseline_minutes(options) > 0 and (options.steps is None or options.steps > 0)):
-        raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
-    if options.fresh and _below(options):
-        raise OptionError(f"{options.system} adds layers to the shipped weights; leave --fresh out.")
-    if output.suffix != ".safetensors":
-        raise OptionError(f"--output must end in .safetensors, got {output}.")
-
-
-def _below(options: TrainVerb) -> Path | None:
-    """Return the weights to which the rival adds layers; None if it adds none."""
-    return SHIPPED_WEIGHTS if _temporal_learning(options.system).added else None
-
-
-def _start(options: TrainVerb, work: Path) -> Path | None:
-    """Return the initial weights, None for random ones; layers to add are saved with them in the folder `work`."""
-    from ltvn_core.network.network_families import extend_network
-    from ltvn_core.network.weights_file import load_weights, save_weights
-
-    if (added := _temporal_learning(options.system).added) is None:
-        return None if options.fresh else SHIPPED_WEIGHTS
-    work.mkdir(parents=True, exist_ok=True)
-    start = work / "start.safetensors"
-    save_weights(extend_network(load_weights(SHIPPED_WEIGHTS), added, options.seed), start, added_to=SHIPPED_WEIGHTS)
-    return start
-
-
-def _learned(options: TrainVerb, weights: Path) -> Path:
-    """Return the file of the new weights as it will be saved; if layers were added, it holds only these, in half
-    precision."""
-    from ltvn_core.network.weights_file import load_weights, save_weights
-
-    if _below(options) is None:
-        return weights
-    added = weights.with_name("added.safetensors")
-    save_weights(load_weights(weights), added, added_to=_below(options))
-    return added
-
-
-def _walks(options: TrainVerb) -> Path:
-    return options.data / "walks"
-
-
-def _baseline_minutes(options: TrainVerb) -> float:
-    return _BASELINE_MINUTES if options.minutes is None else options.minutes
-
-
-def _length(options: TrainVerb) -> str:
-    length = f"--minutes {_baseline_minutes(options):g}" if options.steps is None else f"--steps {options.steps}"
-    return length + " --fresh" * options.fresh
-
-
-def _data(options: TrainVerb) -> "TrainingData":
-    from ltvn_core.network.optimization.training_loop import TrainingData
-    from ltvn_core.network.training_data.shards import split_shards
-    from ltvn_core.simulation.scene_registry import scene_names
-    from ltvn_core.training.simulated_scenes import labelled_walks
-    from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
-
-    names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
-    shards = labelled_walks(
-        _temporal_learning(options.system).rule,
-        names,
-        _walks(options),
-        seed=options.seed,
-        processes=options.processes or 2,
-    )
-    return TrainingData(*split_shards(shards, VALIDATION_SCENES))
-
-
-def _baseline_plan(options: TrainVerb) -> "TrainingPlan":
-    from ltvn_core.network.baseline_training import baseline_training_plan
-
-    return baseline_training_plan(
-        even_distances=_temporal_learning(options.system).even_distances,
-        minutes=_baseline_minutes(options),
-        steps=options.steps,
-        seed=options.seed,
-        fresh=options.fresh or _below(options) is not None,
-    )
-
-
-def _baseline_card(
-    options: TrainVerb,
-    output: Path,
-    data: "TrainingData",
-    plan: "TrainingPlan",
-    result: "TrainingResult",
-    learned: Path,
-) -> "BaselineCard":
-    from ltvn_core.network.baseline_training import BaselineCard, evaluate_baseline
-    from ltvn_core.network.predictor import load_predictor
-    from ltvn_core.network.training_data.shards import Shard
-    from ltvn_core.network.weights_file import read_card, weights_fingerprint
-
-    start = None if options.fresh else SHIPPED_WEIGHTS
-    shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
-    return BaselineCard(
-        options.system,
-        start and weights_fingerprint(start),
-        read_card(start) if start and _below(options) is None else None,
-        asdict(_temporal_learning(options.system).rule),
-        training_data_summary(shards),
-        plan,
-        result.steps,
-        result.pairs,
-        result.seconds / 60,
-        (f"ltvn train --system {options.system} --output {output.name} {_length(options)} --seed {options.seed}",),
-        evaluate_baseline(load_predictor(start), data.validation) if start else None,
-        evaluate_baseline(load_predictor(learned), data.validation),
-    )
-
-
-def _temporal_learning(system: str) -> TemporalLearning:
-    """Return the settings with which a system learns from time; raises OptionError if it does not."""
-    learning = system_entry(system).learning
-    trained = [entry.name for entry in baseline_systems()]
-    if learning is not None and system in trained:
-        return learning
-    raise OptionError(
-        f"{system} has no network that can be trained for a given time; these have one: {', '.join(trained)}."
-    )

@@ -113,16 +113,9 @@ class LiveRun:
         self._images = ImageRecorder(self._write_frame, self._append)
         self.observation: Observation | None = None
         """The newest image in timeline and recording."""
-        self._view: Observation | None = None
+        self.view: Observation | None = None
+        """The newest image, including those only for display."""
         self._view_is_old = False
-
-    @property
-    def view(self) -> Observation | None:
-        """The newest image, including those only for display; after `glance` it is taken when it is asked for."""
-        if self._view_is_old:
-            self._view = self.robot.glance()
-            self._view_is_old = False
-        return self._view
 
     @property
     def tick_s(self) -> float:
@@ -146,8 +139,14 @@ class LiveRun:
         return observation
 
     def glance(self) -> None:
-        """Show a new image from now on, which is not recorded. It costs nothing while nobody looks at `view`."""
+        """Ask for a new image that is only for display; `renew_view` takes it when somebody looks."""
         self._view_is_old = True
+
+    def renew_view(self) -> None:
+        """Take the image that `glance` asked for, if it did since the last call. Raises RobotError."""
+        if self._view_is_old:
+            self._view_is_old = False
+            self.view = self.robot.glance()
 
     def begin_recording(self) -> None:
         """Start a recording with the current image; raises OptionError if one is running.
@@ -177,7 +176,7 @@ class LiveRun:
 
     def _write_frame(self, observation: Observation) -> None:
         self.observation = observation
-        self._view = observation
+        self.view = observation
         self._view_is_old = False
         self.timeline.append_frame(
             observation.step,

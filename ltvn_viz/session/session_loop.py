@@ -242,6 +242,7 @@ class Session:
         if not self._is_seen() and self._clock() < self._unseen_until:
             return  # Nobody looks.
         self._unseen_until = self._clock() + UNSEEN_S
+        self._guarded(self._state.live.renew_view)
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:

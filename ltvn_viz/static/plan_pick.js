@@ -7,7 +7,8 @@ const EDGE_LATER_PX = 2; // A node is taken before an edge that is no nearer tha
 const MIDDLE = 0.15; // So much of an edge at each end belongs to its nodes.
 const FAN_PX = 24;
 const HEADING_PX = 12; // The tips of spread headings are no nearer to each other, though the headings may be equal.
-const BUNDLE_PX = 6;
+const LANES_PX = [3, 6]; // The edges of a bundle lie so far apart, the fewer the wider,
+const BUNDLE_PX = 120; // and together they are no wider than this, if that leaves enough for each.
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
 const HEADING_ROUNDS = 60;
@@ -119,11 +120,12 @@ function spreadBundle(found, px, py) {
   const own = isEdge ? found.id[0] * EDGE_KEY + found.id[1] : 0;
   const alike = isEdge ? edgesAlong(edgeEnds(...found.id), px, py) : [];
   if (alike.length > 1) {
+    const step = Math.min(Math.max(BUNDLE_PX / alike.length, LANES_PX[0]), LANES_PX[1]);
     // The edge that was found stays below the pointer, and the others lie to its right and left in turn.
     [own, ...alike.filter((key) => key !== own)].forEach((key, k) => {
       const lane = k % 2 === 1 ? (k + 1) / 2 : -k / 2;
       const { source, target } = plan.edges.get(key);
-      bundle.set(key, lane * BUNDLE_PX + beside(edgeEnds(source, target), px, py) + LANE_PX);
+      bundle.set(key, lane * step + beside(edgeEnds(source, target), px, py) + LANE_PX);
     });
   }
   return before > 0 || bundle.size > 0;

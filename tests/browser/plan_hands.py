@@ -33,8 +33,8 @@ SAME_M = 0.02
 TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
 """So far from a node's middle, along its heading, one points at it."""
 ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
-LANE_PX, BUNDLE_PX = 1.5, 6.0
-LANES = sorted(range(-30, 31), key=abs)
+LANE_PX, BUNDLE_PX = 1.5, 3.0
+LANES = sorted(range(-60, 61), key=abs)
 FAN_PX = 40
 """Headings at one place are spread so far from it."""
 OUTSIDE = (5.0, 5.0)

@@ -106,8 +106,8 @@ class ArrivalsVerb(Verb):
         done = read_query_log(log)
         if len(done) >= self.episodes:
             return done[: self.episodes]
-        truth = prepare(plan, files)
-        runner = open_runner(plan, files)
+        truth = prepare(files)
+        runner = open_runner(files)
         goals = hard_goals(runner, truth, self.goals)
         for number in tqdm(range(len(done), self.episodes), desc=scene, unit="episode"):
             episode = draw_episode(truth, goals[number % len(goals)], np.random.default_rng([plan.seed, 5, number]))

@@ -125,16 +125,14 @@ class RulesVerb(Verb):
 
         from ltvn_core.evaluation.runner import run_plans
         from ltvn_core.evaluation.workers import workers
-        from ltvn_core.verbs.evaluate import progress_on_bar
+        from ltvn_core.verbs.evaluate import shown_on
 
         with workers(1, None, self.folder) as parallel:
             for parts in tqdm([(), *((rule,) for rule in rules)], desc=scene, unit="rule"):
                 plan = self._plan(scene, parts)
-                with tqdm(total=self.episodes, desc=" ".join(parts) or "whole", leave=False) as bar:
+                with tqdm(desc=" ".join(parts) or "whole", leave=False) as bar:
                     command = f"python -m benchmarks.rules --scene {scene}"
-                    (run,) = run_plans(
-                        [plan], self.folder, command=command, parallel=parallel, progress=progress_on_bar(bar, 1)
-                    )
+                    (run,) = run_plans([plan], self.folder, command=command, parallel=parallel, tell=shown_on(bar))
                     yield run.maps[0]
 
     def _plan(self, scene: str, parts: tuple[str, ...]) -> "RunPlan":

@@ -4,12 +4,10 @@ Each query has its own robot and random generator, so that an episode is the sam
 repeated for its recording.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.perturbations import PerturbedRobot
-from ltvn_core.evaluation.plans import RunFiles, RunPlan, open_planned_system, planned_weights
+from ltvn_core.evaluation.plans import RunFiles, open_planned_system
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol, light_under
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
@@ -111,11 +109,6 @@ class EpisodeRunner:
         self._world = world
         self._bystanders = Bystanders()
         self._next_frame = max(known.keyframes.frames) + 1
-
-    def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
-        """Save the current map; `settings` describe the queries that changed it, and `origin` is the file of the map
-        before them."""
-        self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(
         self,
@@ -217,11 +210,11 @@ def episode_rng(seed: int, episode: int) -> np.random.Generator:
     return np.random.default_rng([seed, 3, episode])
 
 
-def open_runner(plan: RunPlan, files: RunFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
+def open_runner(files: RunFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
     """Load the map after a number of queries, with its scene and network."""
+    plan = files.plan
     scene = load_scene(plan.scene)
-    weights = planned_weights(plan, files)
-    predictor = open_predictor(plan.predictor, plan.scene, weights)
+    predictor = open_predictor(plan.predictor, plan.scene, files.weights)
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
     return EpisodeRunner(
         scene,
@@ -233,6 +226,6 @@ def open_runner(plan: RunPlan, files: RunFiles, queries: int = 0, *, maintain: b
 
 
 @lru_cache(maxsize=1)
-def cached_runner(plan: RunPlan, files: RunFiles, queries: int) -> EpisodeRunner:
+def cached_runner(files: RunFiles, queries: int) -> EpisodeRunner:
     """Return the runner of a frozen map, cached between batches; its map must not be changed."""
-    return open_runner(plan, files, queries)
+    return open_runner(files, queries)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal, ImagedScene
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, open_runner
-from ltvn_core.evaluation.plans import RunFiles, RunPlan
+from ltvn_core.evaluation.plans import RunFiles
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.query_result import QueryResult
@@ -26,19 +26,17 @@ from ltvn_core.types import FrameId
 class LifelongDrive:
     """A map after some queries, which further queries change."""
 
-    def __init__(self, plan: RunPlan, files: RunFiles, first: int) -> None:
+    def __init__(self, files: RunFiles, first: int) -> None:
         """Load the map after `first` queries, with its scene and network."""
-        self._plan = plan
-        self._files = files
-        self._first = first
-        self._runner = open_runner(plan, files, first, maintain=True)
-        self._drive_truth = prepare(plan, files)
+        self._plan = files.plan
+        self.runner = open_runner(files, first, maintain=True)
+        self._drive_truth = prepare(files)
         self._pruned: dict[int, tuple[Edge, ...]] = {}
         """Edges that each query pruned, in their state before the query."""
 
     def run(self, query: int) -> QueryResult:
         """Drive a query."""
-        runner = self._runner
+        runner = self.runner
         rng = np.random.default_rng([self._plan.seed, 5, query])
         known = set(runner.map.graph.nodes)
         before = dict(runner.map.graph.edges)
@@ -61,28 +59,22 @@ class LifelongDrive:
             spurious_edges=len(spurious),
         )
 
-    def save_map(self, queries: int) -> None:
-        """Save the map after a number of queries."""
-        plan = self._plan
-        settings = {"seed": plan.seed, "queries": queries}
-        self._runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
-
-    def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
+    def check(self, results: Sequence[QueryResult]) -> list[QueryResult]:
         """Check the pruned edges by driving them, and count the bad edges for the query that pruned them."""
         pruned = [self._pruned[result.query] for result in results]
-        bad = bad_edges(self._runner, [edge for edges in pruned for edge in edges], self._plan.seed)
+        bad = bad_edges(self.runner, [edge for edges in pruned for edge in edges], self._plan.seed)
         counts = (sum((edge.source, edge.target) in bad for edge in edges) for edges in pruned)
-        return tuple(replace(result, pruned_bad=count) for result, count in zip(results, counts, strict=True))
+        return [replace(result, pruned_bad=count) for result, count in zip(results, counts, strict=True)]
 
     def _draw(self, rng: np.random.Generator) -> EpisodePlan:
         """Draw a start and a goal that is not already reached at the start."""
         drive_truth = self._drive_truth
-        nodes = sorted(self._runner.map.graph.nodes)
+        nodes = sorted(self.runner.map.graph.nodes)
         while True:
             row = int(rng.integers(len(drive_truth.frames)))
             goal = nodes[int(rng.integers(len(nodes)))]
             start_pose = np.array(drive_truth.poses[row])
-            goal_pose = self._runner.truth.pose(goal)
+            goal_pose = self.runner.truth.pose(goal)
             if not judge_goal_reached(0, start_pose, goal_pose).reached:
                 return EpisodePlan(
                     start=drive_truth.frames[row],
@@ -93,7 +85,7 @@ class LifelongDrive:
 
     def _first_frame(self, query: int) -> FrameId:
         """Return the number of a query's first image; a query takes at most one image per step."""
-        steps = self._plan.protocol.steps_in(self._runner.scene)
+        steps = self._plan.protocol.steps_in(self.runner.scene)
         return max(self._drive_truth.frames) + 1 + query * (steps + 1)
 
 

@@ -7,8 +7,7 @@ Runs nothing.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from itertools import pairwise
@@ -32,7 +31,6 @@ from ltvn_core.simulation.changes.script_registry import make_script
 from ltvn_core.simulation.changes.world_script import DAY_S, MORNING_S, WorldScript
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.sole_writer import sole_user
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
@@ -197,22 +195,19 @@ def open_planned_system(plan: RunPlan, predictor: Predictor, scene: Scene, *, ma
 
 @dataclass(frozen=True, slots=True)
 class RunFiles:
-    """Paths of a plan's files. All methods share the drive; methods with the same training share the weights."""
+    """A plan, and the paths of its files. All methods share the drive; methods with the same training the weights."""
 
+    plan: RunPlan
     folder: Path
     """Folder of the scene, the conditions of the mapping drive, and the seed."""
-    label: str
-    network_owner: str = ""
-    """System that owns the weights; empty if only files of the drive and of single episodes are needed."""
-    shared_label: str = ""
-    """Name of the queries in a changing world, which all maintenances share; empty without a world."""
+    run: Path
+    """Folder of the plan's maps and results."""
 
     @classmethod
     def of(cls, plan: RunPlan, folder: Path) -> "RunFiles":
         """Return the paths of a plan's files below a folder."""
-        place = "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
-        shared = f"{plan.static_label}-{plan.schedule.label}" if plan.schedule.world else ""
-        return cls(folder / place, plan.label, network_owner(plan.system), shared)
+        place = folder / "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
+        return cls(plan, place, place / plan.label)
 
     @property
     def drive(self) -> Path:
@@ -226,32 +221,15 @@ class RunFiles:
 
     @property
     def weights(self) -> Path:
-        """Path of the weights that are fine-tuned on the drive."""
-        return self.folder / f"{self.network_owner}.safetensors"
-
-    def built(self, digest: str) -> Path:
-        """Return the path of the map that all methods share if they build it with the same settings."""
-        return self.folder / f"built-{digest}.rrd"
+        """Path of the weights: those that are fine-tuned on the drive, or else those that the system begins with."""
+        if not self.plan.finetuned:
+            return self.plan.start_weights
+        return self.folder / f"{network_owner(self.plan.system)}.safetensors"
 
     @property
     def world_queries(self) -> Path:
-        """Path of the queries in a changing world, with the edges that are closed at the start of each."""
-        return self.folder / f"{self.shared_label}.json"
-
-    @property
-    def run(self) -> Path:
-        """Folder of the plan's maps and results."""
-        return self.folder / self.label
-
-    @property
-    def settings(self) -> Path:
-        """Path of the settings that made the results."""
-        return self.run / "run.json"
-
-    @property
-    def preparation(self) -> Path:
-        """Path of a worker's progress in preparing drive, weights and map."""
-        return self.run / "preparation.txt"
+        """Path of the queries in a changing world, which all maintenances share, with what is closed at each."""
+        return self.folder / f"{self.plan.static_label}-{self.plan.schedule.label}.json"
 
     def map(self, queries: int = 0) -> Path:
         """Return the path of the map after a number of queries."""
@@ -279,12 +257,7 @@ class RunFiles:
         return failure_path(self.run, episode)
 
 
-def planned_weights(plan: RunPlan, files: RunFiles) -> Path:
-    """Return the path of the weights of a plan."""
-    return files.weights if plan.finetuned else plan.start_weights
-
-
-def claim_files(plan: RunPlan, files: RunFiles) -> None:
+def claim_files(files: RunFiles) -> None:
     """Write the settings of a plan beside its files. Raises OptionError if the files have other settings.
 
     The number of episodes is not compared, because the first ones stay the same; without a world, nor are the number of
@@ -293,6 +266,7 @@ def claim_files(plan: RunPlan, files: RunFiles) -> None:
     """
     from ltvn_core.network.weights_file import weights_fingerprint
 
+    plan = files.plan
     refuse_older_results(files.run, ("plan.json",))
     weights = weights_fingerprint(plan.start_weights)
     settings = plan_settings(plan)
@@ -307,21 +281,9 @@ def claim_files(plan: RunPlan, files: RunFiles) -> None:
     claim_settings(files.drive_truth.with_suffix(".plan.json"), drive)
     if plan.finetuned:
         claim_settings(files.weights.with_suffix(".plan.json"), learned)
-    claim_settings(files.settings, settings | learned)
+    claim_settings(files.run / "run.json", settings | learned)
     if plan.schedule.world:  # All maintenances share the queries.
         claim_settings(files.world_queries.with_suffix(".plan.json"), settings | {"maintenance": "any"})
-
-
-@contextmanager
-def sole_evaluation(plans: Iterable[RunPlan], share: str, folder: Path) -> Iterator[None]:
-    """Make this process the only one that runs a share of some plans in the block.
-
-    Raises RecordingError if another process runs it: each would lose the episodes that the other has run as well.
-    """
-    with ExitStack() as stack:
-        for plan in plans:
-            stack.enter_context(sole_user(RunFiles.of(plan, folder).run / share))
-        yield
 
 
 def plan_settings(plan: RunPlan) -> dict[str, Any]:

@@ -19,8 +19,7 @@ from ltvn_core.data.recording.map_file import save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.recorded_run import record_images
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.evaluation.plans import RunFiles, RunPlan, open_planned_system
-from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
+from ltvn_core.evaluation.plans import RunFiles, open_planned_system
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.graph.deltas import PoseRow
@@ -59,20 +58,19 @@ class DriveGroundTruth:
         return draw_episodes(self.frames, np.array(self.poses), self.goals, count, rng)
 
 
-def prepare(plan: RunPlan, files: RunFiles) -> DriveGroundTruth:
+def prepare(files: RunFiles) -> DriveGroundTruth:
     """Create the files that are missing: drive, weights and map."""
-    log = PreparationLog(files.preparation)
-    drive_truth = _drive(plan, files, log)
+    drive_truth = _drive(files)
     if not files.map().exists():
-        _build(plan, files, drive_truth, _weights(plan, files, log), log)
-        log.close()
+        if files.plan.finetuned:
+            _fine_tune(files)
+        _build(files, drive_truth)
     return drive_truth
 
 
-def _weights(plan: RunPlan, files: RunFiles, log: PreparationLog) -> Path:
-    """Return the path of a plan's weights; fine-tune them on its drive first if the plan asks for it."""
-    if not plan.finetuned:
-        return plan.start_weights
+def _fine_tune(files: RunFiles) -> None:
+    """Fine-tune the weights of a plan on its drive."""
+    plan = files.plan
     # Imported here, because learning takes long to import and an existing map does not need it.
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
     from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
@@ -86,29 +84,20 @@ def _weights(plan: RunPlan, files: RunFiles, log: PreparationLog) -> Path:
         plan.start_weights,
         files.weights,
         training.adapt_plan(FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)),
-        provenance=FineTuningProvenance(recording=files.drive.name, system=files.network_owner),
+        provenance=FineTuningProvenance(recording=files.drive.name, system=name),
         work_folder=files.weights.with_suffix(".part"),
-        on_progress=lambda share, doing, progress: log.report(PreparationPart.WEIGHTS, share),
     )
-    return files.weights
 
 
-def _drive(plan: RunPlan, files: RunFiles, log: PreparationLog) -> DriveGroundTruth:
+def _drive(files: RunFiles) -> DriveGroundTruth:
     """Record a scripted tour through the scene with noisy odometry."""
     if files.drive_truth.exists():
         return load_results(files.drive_truth, DriveGroundTruth)
+    plan = files.plan
     protocol = plan.protocol
     rng = np.random.default_rng([plan.seed, 0])
     simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=protocol.odometry_noise, body=protocol.body)
-    seen = list(
-        drive_tour(
-            simulation.robot,
-            simulation.scene,
-            rng,
-            loops=protocol.loops,
-            progress=lambda share: log.report(PreparationPart.DRIVE, share),
-        )
-    )
+    seen = list(drive_tour(simulation.robot, simulation.scene, rng, loops=protocol.loops))
     settings = {"verb": "evaluate", "seed": plan.seed, "protocol": asdict(protocol)}
     if not files.drive.exists():
         with (
@@ -145,22 +134,18 @@ def _drive(plan: RunPlan, files: RunFiles, log: PreparationLog) -> DriveGroundTr
     return drive_truth
 
 
-def _build(
-    plan: RunPlan,
-    files: RunFiles,
-    drive_truth: DriveGroundTruth,
-    weights: Path,
-    log: PreparationLog,
-) -> None:
+def _build(files: RunFiles, drive_truth: DriveGroundTruth) -> None:
     """Build the map of a plan, or share that of another plan with the same drive and settings."""
+    plan = files.plan
     scene = load_scene(plan.scene)
-    predictor = open_predictor(plan.predictor, plan.scene, weights)
+    predictor = open_predictor(plan.predictor, plan.scene, files.weights)
     system = open_planned_system(plan, predictor, scene, maintain=False)
     thresholds = {group: asdict(getattr(system.method, group)) for group in _BUILDS_WITH}
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": thresholds}
-    built = files.built(sha256(json.dumps([config, predictor.fingerprint], sort_keys=True).encode()).hexdigest()[:12])
+    digest = sha256(json.dumps([config, predictor.fingerprint], sort_keys=True).encode()).hexdigest()[:12]
+    built = files.folder / f"built-{digest}.rrd"
     if not built.exists():
-        made = _built_map(plan, files, drive_truth, TopologicalMap.of(predictor, system), log)
+        made = _built_map(files, drive_truth, TopologicalMap.of(predictor, system))
         save_map(
             built,
             made.graph,
@@ -173,23 +158,13 @@ def _build(
     _share(built, files.map())
 
 
-def _built_map(
-    plan: RunPlan,
-    files: RunFiles,
-    drive_truth: DriveGroundTruth,
-    empty: TopologicalMap,
-    log: PreparationLog,
-) -> TopologicalMap:
+def _built_map(files: RunFiles, drive_truth: DriveGroundTruth, empty: TopologicalMap) -> TopologicalMap:
+    plan = files.plan
     observations = _observations(files.drive)
     # A drive of an earlier version may have a goal without depth, which does not become a node.
     usable = {seen.step for seen in observations if is_usable(seen, empty.predictor)}
     goals = [goal for goal in drive_truth.goals if goal in usable]
-    empty.build(
-        observations,
-        rng=np.random.default_rng([plan.seed, 4]),
-        goals=goals,
-        progress=lambda done, total: log.report(PreparationPart.MAP, done / max(total, 1)),
-    )
+    empty.build(observations, rng=np.random.default_rng([plan.seed, 4]), goals=goals)
     for report in empty.goal_reports(goals):
         if report.finding is not None:
             _LOG.warning("%s, seed %d: %s", plan.scene, plan.seed, report.finding)

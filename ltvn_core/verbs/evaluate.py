@@ -4,6 +4,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NoReturn
@@ -20,10 +21,8 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
     from ltvn_core.evaluation.plans import RunPlan
-    from ltvn_core.evaluation.preparation_progress import EvaluationProgress
-    from ltvn_core.evaluation.protocol import EvaluationProtocol
     from ltvn_core.evaluation.results import Run
-    from ltvn_core.evaluation.workers import Workers
+    from ltvn_core.evaluation.runner import Progress
 
 
 @dataclass(frozen=True)
@@ -138,34 +137,13 @@ class EvaluateVerb(ProtocolOptions):
     def run(self) -> EvaluateSummary | PartSummary:
         """Run all episodes that have no result yet. Raises OptionError, SceneError, WeightsError, MapError and
         RecordingError."""
-        from joblib import delayed
-
         from ltvn_core.evaluation.perturbations import chosen_perturbations
-        from ltvn_core.evaluation.plans import RunFiles
-        from ltvn_core.evaluation.runner import record_failures
 
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
         plans = run_plans_of(self, self.system, self.episodes, chosen_perturbations(self.perturb))
-
-        def record(parallel: "Workers", runs: "Sequence[Run]") -> None:
-            if self.record_failures:
-                again = [(plan, RunFiles.of(plan, self.folder), run) for plan, run in zip(plans, runs, strict=True)]
-                list(parallel(delayed(record_failures)(*each, self.record_failures) for each in again))
-
-        found = run_on_bar(self, plans, title="evaluate", unit="episode", then=record)
+        found = run_on_bar(self, plans, title="evaluate", unit="episode", record=self.record_failures)
         return found if isinstance(found, PartSummary) else _summary(self, *found)
-
-
-def _protocol(options: ProtocolOptions, episodes: int) -> "EvaluationProtocol":
-    """Return the settings of the test. Raises OptionError."""
-    from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
-    from ltvn_core.simulation.body_selection import choose_body
-
-    # The body is chosen here and not by the workers, which may be machines with other libraries.
-    body = choose_body(options.body)
-    plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
-    return protocol_under(plain, options.conditions)
 
 
 def run_plans_of(
@@ -173,8 +151,10 @@ def run_plans_of(
 ) -> "list[RunPlan]":
     """Return a plan for each scene and seed. Raises OptionError and SceneError."""
     from ltvn_core.evaluation.plans import RunPlan
+    from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.simulation.body_selection import choose_body
     from ltvn_core.simulation.scene_registry import check_scene
 
     if (
@@ -186,7 +166,10 @@ def run_plans_of(
         raise OptionError("--scene and --seed need at least one value, and no value twice.")
     for scene in options.scene:
         check_scene(scene)  # Check all scenes before weights are fine-tuned for one of them.
-    protocol = _protocol(options, episodes)
+    # The body is chosen here and not by the workers, which may be machines with other libraries.
+    body = choose_body(options.body)
+    plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
+    protocol = protocol_under(plain, options.conditions)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
     return [
         RunPlan(
@@ -208,40 +191,35 @@ def run_plans_of(
 
 
 def run_on_bar(
-    options: ProtocolOptions,
-    plans: "Sequence[RunPlan]",
-    *,
-    title: str,
-    unit: str,
-    share_name: str = "",
-    then: "Callable[[Workers, Sequence[Run]], object]" = lambda parallel, runs: None,
+    options: ProtocolOptions, plans: "Sequence[RunPlan]", *, title: str, unit: str, record: int = 0
 ) -> "tuple[list[Run], float] | PartSummary":
-    """Run some plans under a progress bar, alone in their folders.
+    """Run some plans under a progress bar, alone in their folders: another process would lose their episodes.
 
-    Returns the finished runs and the time in seconds, or the summary of a part if other parts are unfinished. If all
-    are finished, calls `then` first. Raises as `run_plans` does.
+    Returns the finished runs and the time in seconds, or the summary of a part if other parts are unfinished. Raises
+    as `run_plans` does, and RecordingError if another process runs the same part.
     """
     from tqdm import tqdm
 
-    from ltvn_core.evaluation.plans import sole_evaluation
-    from ltvn_core.evaluation.runner import run_plans, share_of, work_in
+    from ltvn_core.evaluation.plans import RunFiles
+    from ltvn_core.evaluation.runner import run_plans
     from ltvn_core.evaluation.workers import Part, workers
+    from ltvn_core.sole_writer import sole_user
 
     started = time.monotonic()
     part = Part.parse(options.part)
-    share = share_of(plans, part)
-    with (
-        sole_evaluation(plans, f"{share_name}{part.label}", options.folder),
-        workers(options.processes, options.cluster, options.folder) as parallel,
-        tqdm(total=work_in(share), desc=title, unit=unit) as bar,
-    ):
-        progress = progress_on_bar(bar, len(share))
-        runs = run_plans(plans, options.folder, command=command(), parallel=parallel, progress=progress, part=part)
-        if len(runs) < len(plans):
-            seconds = time.monotonic() - started
-            return PartSummary(str(part), bar.n, len(plans), len(runs), options.folder, seconds)
-        then(parallel, runs)
-    return runs, time.monotonic() - started
+    with ExitStack() as stack:
+        for plan in plans:
+            stack.enter_context(sole_user(RunFiles.of(plan, options.folder).run / part.label))
+        parallel = stack.enter_context(workers(options.processes, options.cluster, options.folder))
+        bar = stack.enter_context(tqdm(desc=title, unit=unit))
+        tell = shown_on(bar)
+        runs = run_plans(
+            plans, options.folder, command=command(), parallel=parallel, tell=tell, part=part, record=record
+        )
+    seconds = time.monotonic() - started
+    if len(runs) < len(plans):
+        return PartSummary(str(part), bar.n, len(plans), len(runs), options.folder, seconds)
+    return runs, seconds
 
 
 def _summary(options: EvaluateVerb, runs: "Sequence[Run]", wall_s: float) -> EvaluateSummary:
@@ -282,45 +260,13 @@ def _without_folders(argument: str) -> str:
     return f"{option}{assigned}{Path(value).name}" if Path(value).is_absolute() else argument
 
 
-def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> "EvaluationProgress":
-    """Return the progress callbacks for a bar, which first shows the preparation of `maps` maps."""
-    from ltvn_core.evaluation.preparation_progress import EvaluationProgress
+def shown_on(bar: "tqdm[NoReturn]") -> "Callable[[Progress], None]":
+    """Return a function that shows progress on a bar: finished work of all, and the maps until all are ready."""
 
-    shown = _PreparationOnBar(bar, maps)
-    return EvaluationProgress(
-        maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing, unfinished=shown.unfinished
-    )
+    def show(found: "Progress") -> None:
+        if bar.total is None:  # What earlier calls finished tells nothing about the speed.
+            bar.total, bar.initial, bar.n = found.all_rows, found.rows, found.rows
+        bar.update(found.rows - bar.n)
+        bar.set_postfix_str(f"{found.maps} of {found.all_maps} maps ready" if found.maps < found.all_maps else "")
 
-
-class _PreparationOnBar:
-    """Shows the preparation of the maps on a bar, and then resets the bar for the work."""
-
-    def __init__(self, bar: "tqdm[NoReturn]", maps: int) -> None:
-        self._bar = bar
-        self._maps = maps
-        self._ready = 0
-        self._work = bar.total, bar.desc, bar.unit
-        bar.desc = "prepare maps"
-        bar.unit = "%"
-        bar.reset(total=100)
-        bar.set_postfix_str(f"0 of {maps} ready")
-
-    def preparing(self, share: float) -> None:
-        """Show the share of the preparation that is done, in [0, 1]."""
-        if self._ready < self._maps:
-            self._bar.update(round(100 * share, 1) - self._bar.n)
-
-    def unfinished(self, episodes: int) -> None:
-        """Show the number of finished episodes that the bar does not count yet, because their batches are
-        unfinished."""
-        self._bar.set_postfix_str(f"{episodes} more in unfinished batches" if episodes else "")
-
-    def maps_ready(self, ready: int) -> None:
-        """Show the number of prepared maps; after the last one the bar shows the work."""
-        self._ready = ready
-        if ready < self._maps:
-            self._bar.set_postfix_str(f"{ready} of {self._maps} ready")
-            return
-        total, self._bar.desc, self._bar.unit = self._work
-        self._bar.reset(total=total)
-        self._bar.set_postfix_str(f"{ready} maps ready")
+    return show

@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from ltvn_core.evaluation.encounters import EncounterLog, count_encounters
-from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
-from ltvn_core.evaluation.plans import RunFiles, RunPlan, open_planned_system, planned_weights
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.plans import RunFiles, open_planned_system
 from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
 from ltvn_core.evaluation.results import load_results
 from ltvn_core.evaluation.worlds.world_schedule import LATER_S, ScheduledQuery, WorldSchedule
@@ -46,16 +46,14 @@ class _Foretold:
 class WorldDrive:
     """A map after some queries, in the world at the time of the next query."""
 
-    def __init__(self, plan: RunPlan, files: RunFiles, first: int) -> None:
+    def __init__(self, files: RunFiles, first: int) -> None:
         """Load the map after `first` queries, with its scene and network."""
-        self._plan = plan
-        self._files = files
-        self._first = first
+        self._plan = plan = files.plan
         self._schedule: WorldSchedule = load_results(files.world_queries, WorldSchedule)
         self._changing = self._schedule.changing
         scene = load_scene(plan.scene)
         self.world = World(scene, plan.script(scene), start_s=self._schedule.queries[first].at_s)
-        predictor = open_predictor(plan.predictor, plan.scene, planned_weights(plan, files))
+        predictor = open_predictor(plan.predictor, plan.scene, files.weights)
         _keep_informed(predictor, self.world)
         system = open_planned_system(replace(plan, maintenance=None), predictor, scene, maintain=True)
         known = TopologicalMap.load(files.map(first), predictor, system=system)
@@ -66,7 +64,7 @@ class WorldDrive:
         self.runner = EpisodeRunner(scene, known, plan.protocol, world=self.world)
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
-    def run(self, query: int, on_event: EventCallback | None = None) -> QueryResult:
+    def run(self, query: int) -> QueryResult:
         """Let time pass until the start of a query, and drive the query."""
         runner = self.runner
         world = self.world
@@ -82,8 +80,6 @@ class WorldDrive:
             nonlocal end
             end = robot.exact_pose
             watch.consume(event)
-            if on_event is not None:
-                on_event(event, robot)
 
         rng = np.random.default_rng([self._plan.seed, 8, query])
         result = runner.run(
@@ -98,20 +94,6 @@ class WorldDrive:
         cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
         met = count_encounters(people.finish())
         return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
-
-    def save_map(self, queries: int) -> None:
-        """Save the map after a number of queries."""
-        settings = {
-            "seed": self._plan.seed,
-            "world": self._plan.schedule.world,
-            "maintenance": self._plan.maintenance,
-            "queries": queries,
-        }
-        self.runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
-
-    def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
-        """Return the results unchanged, because they are complete when a query is over."""
-        return tuple(results)
 
     def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
         system = self.runner.map.system

@@ -81,18 +81,19 @@ def check_world(plan: RunPlan) -> None:
     plan.script(scene)
 
 
-def draw_world_schedule(plan: RunPlan, files: RunFiles) -> None:
+def draw_world_schedule(files: RunFiles) -> None:
     """Draw the queries of a plan for its first map, unless they exist.
 
     Raises WorldError, and OptionError if no goal can be reached.
     """
     if files.world_queries.exists():
         return
+    plan = files.plan
     scene = load_scene(plan.scene)
     loaded = load_map(files.map(0))
     graph = loaded.graph
     truth = GroundTruth(scene.clearance, loaded.observations.__getitem__)
-    drive_truth = prepare(plan, files)
+    drive_truth = prepare(files)
     rng = np.random.default_rng([plan.seed, 7])
     script = plan.script(scene)
     slot_s = plan.schedule.slot_s

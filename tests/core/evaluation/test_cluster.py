@@ -5,7 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,11 +14,10 @@ from psutil import Process
 
 from ltvn_core.errors import EngineError, OptionError
 from ltvn_core.evaluation.plans import RunPlan
-from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.results import Run, read_runs, rows_in
-from ltvn_core.evaluation.runner import run_plans
+from ltvn_core.evaluation.runner import Progress, run_plans
 from ltvn_core.evaluation.workers import WHOLE, Part, workers
 from tests.core.simulation.two_room_mesh import box_house, save
 from tests.platforms import needs_posix
@@ -30,13 +29,17 @@ EPISODES, SEEDS = 1, (0, 1)
 
 
 def run(
-    house: Path, folder: Path, *, cluster: str | None = None, part: Part = WHOLE, on_work: object = None
+    house: Path,
+    folder: Path,
+    *,
+    cluster: str | None = None,
+    part: Part = WHOLE,
+    tell: Callable[[Progress], None] = lambda _: None,
 ) -> list[Run]:
     protocol = EvaluationProtocol(loops=1, goals=4, episodes=EPISODES, step_limit=100)
     plans = [RunPlan(scene=str(house), seed=seed, predictor="oracle", protocol=protocol) for seed in SEEDS]
-    progress = EvaluationProgress(lambda _: None, on_work or (lambda _: None))  # type: ignore[arg-type]
     with workers(1, cluster, folder) as parallel:
-        return run_plans(plans, folder, command="test", parallel=parallel, progress=progress, part=part)
+        return run_plans(plans, folder, command="test", parallel=parallel, tell=tell, part=part)
 
 
 def episodes(runs: list[Run]) -> list[tuple[QueryResult, ...]]:
@@ -108,13 +111,13 @@ def test_a_dask_cluster_comes_to_the_same_numbers_though_a_worker_dies(
         until(lambda: answers(port))
         killed: list[int] = []
 
-        def kill_one(_: int) -> None:
-            if not killed:
+        def kill_one(found: Progress) -> None:
+            if found.maps and not killed:
                 workers_of_it = [each for each in Process(nanny.pid).children() if "spawn_main" in str(each.cmdline())]
                 killed.append(workers_of_it[0].pid)
                 workers_of_it[0].kill()
 
-        assert episodes(run(house, tmp_path, cluster=f"tcp://127.0.0.1:{port}", on_work=kill_one)) == episodes(alone)
+        assert episodes(run(house, tmp_path, cluster=f"tcp://127.0.0.1:{port}", tell=kill_one)) == episodes(alone)
         assert killed
 
 

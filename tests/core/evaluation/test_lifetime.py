@@ -45,7 +45,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Map the house once, and plant false edges into the map; no test may change the folder."""
     folder = tmp_path_factory.mktemp("mapped")
     save(box_house(), folder / "house.glb")
-    prepare(plan(folder), files(folder))
+    prepare(files(folder))
     plant(files(folder))
     return folder
 
@@ -88,7 +88,7 @@ def plant(where: RunFiles) -> None:
 
 
 def drive_queries(folder: Path, first: int, until: int) -> None:
-    run_query_batch(plan(folder), files(folder), first, until)
+    run_query_batch(files(folder), first, until)
 
 
 def graph(folder: Path, queries: int) -> TopologicalGraph:
@@ -100,7 +100,7 @@ def queries(folder: Path, first: int, until: int) -> tuple[QueryResult, ...]:
 
 
 def test_false_edges_that_were_driven_leave_the_map_and_count_as_bad(lived: Path) -> None:
-    truth = open_runner(plan(lived), files(lived)).truth
+    truth = open_runner(files(lived)).truth
     before, after = graph(lived, 0), graph(lived, QUERIES)
     gone = before.edges.keys() - after.edges.keys()
     driven = queries(lived, 0, QUERIES)
@@ -150,7 +150,7 @@ def test_images_are_not_compressed_again_from_map_to_map(lived: Path) -> None:
 
 
 def test_an_edge_that_a_robot_drives_well_is_not_bad(mapped: Path) -> None:
-    runner = open_runner(plan(mapped), files(mapped), maintain=True)
+    runner = open_runner(files(mapped), maintain=True)
     spurious = runner.truth.spurious(runner.map.graph)
     good = [edge for key, edge in runner.map.graph.edges.items() if key not in spurious][:2]
     false = [runner.map.graph.edges[key] for key in sorted(spurious)[:2]]

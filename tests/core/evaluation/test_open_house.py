@@ -8,10 +8,8 @@ import trimesh
 from joblib import Parallel
 
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.evaluation import preparation_progress
 from ltvn_core.evaluation.plans import RunFiles, RunPlan
 from ltvn_core.evaluation.preparation import DriveGroundTruth
-from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.results import TestedMap, append_rows, load_results
 from ltvn_core.evaluation.runner import run_plans
@@ -31,14 +29,9 @@ def open_house(path: Path) -> Path:
     return save(house, path)
 
 
-def run(plan: RunPlan, folder: Path, told: list[float] | None = None) -> TestedMap:
-    progress = EvaluationProgress(
-        maps_ready=lambda ready: None,
-        work_done=lambda done: None,
-        preparing=(lambda share: None) if told is None else told.append,
-    )
+def run(plan: RunPlan, folder: Path) -> TestedMap:
     parallel = Parallel(n_jobs=1, return_as="generator_unordered")
-    (run,) = run_plans([plan], folder, command="test", parallel=parallel, progress=progress)
+    (run,) = run_plans([plan], folder, command="test", parallel=parallel)
     return run.maps[0]
 
 
@@ -54,16 +47,8 @@ def plan(folder: Path) -> RunPlan:
 
 
 @pytest.fixture(scope="module")
-def told() -> list[float]:
-    return []
-
-
-@pytest.fixture(scope="module")
-def trial(plan: RunPlan, folder: Path, told: list[float]) -> TestedMap:
-    with pytest.MonkeyPatch.context() as patch:
-        # A fast machine prepares such a small map before anybody would want to be told.
-        patch.setattr(preparation_progress, "_EVERY_S", 0.005)
-        return run(plan, folder, told)
+def trial(plan: RunPlan, folder: Path) -> TestedMap:
+    return run(plan, folder)
 
 
 def test_the_evaluation_ends_and_counts_the_images_without_depth(trial: TestedMap, plan: RunPlan, folder: Path) -> None:
@@ -84,11 +69,6 @@ def test_a_collected_drive_says_how_many_images_have_no_depth(plan: RunPlan, tmp
     assert isinstance(collected, CollectSummary)
     assert 0 < collected.without_depth < collected.frames
     assert collected.doubts == ()
-
-
-def test_preparing_a_map_is_told_while_it_goes_on(trial: TestedMap, told: list[float]) -> None:
-    assert any(0 < share < 1 for share in told)
-    assert told == sorted(told)
 
 
 def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TestedMap, plan: RunPlan, folder: Path) -> None:

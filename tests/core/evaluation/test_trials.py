@@ -13,11 +13,10 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.map_drawing import load_drawing
 from ltvn_core.evaluation.method_parts import RULES
 from ltvn_core.evaluation.plans import RunFiles, RunPlan
-from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol, light_under, protocol_under
 from ltvn_core.evaluation.reports.result_rows import setup_of
 from ltvn_core.evaluation.results import Run, TestedMap
-from ltvn_core.evaluation.runner import record_failures, run_plans
+from ltvn_core.evaluation.runner import Progress, record_failures, run_plans
 from ltvn_core.navigation.events import QueryEnded
 from tests.core.simulation.two_room_mesh import box_house, save
 
@@ -34,12 +33,11 @@ def _plan(folder: Path, *, seed: int = 0, step_limit: int = 250, goals: int = 4,
 
 def _run(plan: RunPlan, folder: Path, episodes: int = EPISODES) -> TestedMap:
     parallel = Parallel(n_jobs=1, return_as="generator_unordered")
-    done: list[int] = []
-    maps: list[int] = []
-    progress = EvaluationProgress(maps.append, done.append)
+    told: list[Progress] = []
     plan = replace(plan, protocol=replace(plan.protocol, episodes=episodes))
-    (run,) = run_plans([plan], folder, command="test", parallel=parallel, progress=progress)
-    assert (sum(done), maps) == (episodes, [1])
+    (run,) = run_plans([plan], folder, command="test", parallel=parallel, tell=told.append)
+    assert told[-1] == Progress(maps=1, all_maps=1, rows=episodes, all_rows=episodes)
+    assert told == sorted(told)
     return run.maps[0]
 
 
@@ -122,7 +120,7 @@ def test_a_failed_episode_is_recorded_as_it_went(folder: Path) -> None:
     hasty = _plan(folder, seed=1, step_limit=5)
     files, failed = RunFiles.of(hasty, folder), _run(hasty, folder, episodes=2)
 
-    assert record_failures(hasty, files, Run(failed.columns, (failed,)), 1) == 1
+    assert record_failures(files, Run(failed.columns, (failed,)), 1) == 1
     assert all((episode.crossed or 0) < (episode.checkpoints or 0) for episode in failed.episodes)
 
     recording = Recording.open(files.failure(0))
@@ -166,7 +164,7 @@ def test_however_many_rules_are_left_out_their_files_have_names_that_a_file_syst
     plan = _plan(folder)
     many = [replace(plan, parts_off=tuple(RULES)[first:]) for first in (0, 1)]
 
-    labels = {RunFiles.of(each, folder).label for each in many}
+    labels = {RunFiles.of(each, folder).run.name for each in many}
 
     assert len(labels) == 2
     assert all(len(f"{label}-lifelong") < 200 for label in labels)

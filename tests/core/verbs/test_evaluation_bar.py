@@ -1,25 +1,20 @@
-"""The bar of an evaluation moves while maps are prepared, and counts the work afterwards."""
+"""The bar of an evaluation names the maps that are ready, and counts the work of the whole share."""
 
 import io
 
 from tqdm import tqdm
 
-from ltvn_core.verbs.evaluate import progress_on_bar
+from ltvn_core.evaluation.runner import Progress
+from ltvn_core.verbs.evaluate import shown_on
 
 
-def test_the_bar_shows_the_preparation_and_then_the_work() -> None:
+def test_the_bar_shows_the_maps_and_the_work_with_its_total() -> None:
     shown = io.StringIO()
-    with tqdm(total=50, desc="evaluate", unit="episode", file=shown, mininterval=0) as bar:
-        progress = progress_on_bar(bar, 2)
-        progress.preparing(0.25)
-        assert (bar.n, bar.total, bar.desc) == (25, 100, "prepare maps")
-        progress.maps_ready(1)
-        progress.preparing(0.75)
-        assert bar.n == 75
-        progress.maps_ready(2)
-        progress.preparing(0.99)  # The thread that tells may be a moment late.
-        assert (bar.n, bar.total, bar.desc, bar.unit) == (0, 50, "evaluate", "episode")
-        progress.unfinished(7)
-        progress.work_done(25)
-        assert bar.n == 25
-    assert "7 more in unfinished batches" in shown.getvalue()
+    with tqdm(desc="evaluate", unit="episode", file=shown, mininterval=0) as bar:
+        tell = shown_on(bar)
+        tell(Progress(maps=0, all_maps=2, rows=10, all_rows=50))
+        assert (bar.n, bar.initial, bar.total) == (10, 10, 50), "what was finished before counts, but not as speed"
+        assert "0 of 2 maps ready" in shown.getvalue()
+        tell(Progress(maps=2, all_maps=2, rows=35, all_rows=50))
+        assert bar.n == 35
+        assert not bar.postfix

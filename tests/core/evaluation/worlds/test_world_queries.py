@@ -11,7 +11,7 @@ pytest.importorskip("embreex")
 
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.plans import RunFiles, RunPlan, Schedule
+from ltvn_core.evaluation.plans import RunFiles, Schedule
 from ltvn_core.evaluation.results import load_results, read_queries
 from ltvn_core.evaluation.runner import run_query_batch
 from ltvn_core.evaluation.worlds.world_schedule import WorldSchedule
@@ -73,12 +73,12 @@ def summary(house: Path) -> WorldSummary:
     return found
 
 
-def files(house: Path, maintenance: str) -> tuple[RunPlan, RunFiles]:
+def files(house: Path, maintenance: str) -> RunFiles:
     options = verb(house)
     schedule = Schedule(queries=4, world=str(options.world), days=DAYS)
     (plan,) = run_plans_of(options, "ltvn", options.episodes)
     plan = replace(plan, maintenance=maintenance, schedule=schedule)
-    return plan, RunFiles.of(plan, options.folder)
+    return RunFiles.of(plan, options.folder)
 
 
 def test_the_summary_has_what_the_design_promises_for_each_maintenance(summary: WorldSummary) -> None:
@@ -91,7 +91,7 @@ def test_the_summary_has_what_the_design_promises_for_each_maintenance(summary: 
 
 
 def test_each_goal_can_be_reached_when_its_query_begins(house: Path, summary: WorldSummary) -> None:
-    _, where = files(house, "static")
+    where = files(house, "static")
     schedule = load_results(where.world_queries, WorldSchedule)
     begins = [query.at_s for query in schedule.queries]
     assert begins == sorted(begins)
@@ -108,7 +108,7 @@ def test_every_maintenance_gets_the_same_queries(house: Path, summary: WorldSumm
     asked = [
         [
             (query.at_s, query.start, query.goal, query.shortest_m)
-            for query in read_queries(files(house, name)[1].query_batch(0, 4))
+            for query in read_queries(files(house, name).query_batch(0, 4))
         ]
         for name in MAINTENANCES
     ]
@@ -117,12 +117,12 @@ def test_every_maintenance_gets_the_same_queries(house: Path, summary: WorldSumm
 
 
 def test_queries_in_two_batches_come_to_the_same_as_in_one(house: Path, summary: WorldSummary, tmp_path: Path) -> None:
-    plan, where = files(house, "persistent")
-    again = replace(where, label="again")
+    where = files(house, "persistent")
+    again = replace(where, run=where.run.with_name("again"))
     again.run.mkdir()
     shutil.copyfile(where.map(), again.map())
     for first in (0, 2):
-        run_query_batch(plan, again, first, first + 2)
+        run_query_batch(again, first, first + 2)
     in_two = [query for ends in ((0, 2), (2, 4)) for query in read_queries(again.query_batch(*ends))]
     assert in_two == read_queries(where.query_batch(0, 4))
     assert load_map(again.map(4)).graph == load_map(where.map(4)).graph

@@ -111,35 +111,22 @@ def _each_here(work: Iterable[Any]) -> Iterator[Any]:
 def _on_cluster(address: str) -> Iterator[Workers]:
     if not re.fullmatch(r"(tcp|tls)://.+|local:[1-9]\d{0,3}", address):
         raise OptionError(f"--cluster must be tcp://HOST:PORT, or local:N for N workers, got {address!r}.")
-    with _needs("distributed", address):
+    try:
         dask: Any = import_module("dask.distributed")  # The type hints of dask describe its asynchronous interface.
-
+    except ModuleNotFoundError as missing:
+        raise OptionError(f'--cluster {address} needs {missing.name}: pip install "distributed"') from missing
     with ExitStack() as stack:
         if address.startswith("local:"):
             count = int(address.removeprefix("local:"))
             # Any free port, so that two clusters can run on one machine.
             local = dask.LocalCluster(count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0")
             address = stack.enter_context(local).scheduler_address
-        with _refusing(address, OSError):
+        try:
             stack.enter_context(dask.Client(address))
+        except OSError as error:
+            raise OptionError(f"No cluster answers at {address}: {error}") from error
         stack.enter_context(parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS_START_S))
         yield stack.enter_context(Parallel(return_as="generator_unordered"))
-
-
-@contextmanager
-def _refusing(address: str, failure: type[Exception]) -> Iterator[None]:
-    try:
-        yield
-    except failure as error:
-        raise OptionError(f"No cluster answers at {address}: {error}") from error
-
-
-@contextmanager
-def _needs(package: str, address: str) -> Iterator[None]:
-    try:
-        yield
-    except ModuleNotFoundError as missing:
-        raise OptionError(f'--cluster {address} needs {missing.name}: pip install "{package}"') from missing
 
 
 @dataclass(frozen=True, slots=True)

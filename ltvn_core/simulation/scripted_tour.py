@@ -5,7 +5,7 @@ by the exact pose, because a person sees the scene too, but it moves through the
 as any driver.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,20 +98,16 @@ def drive_tour(
     *,
     loops: int,
     settings: TourSettings | None = None,
-    progress: Callable[[float], object] | None = None,
 ) -> Iterator[Observation]:
     """Drive through all rooms `loops` times and yield the observations taken on the way.
 
-    Every second loop goes the other way round, because the map needs both directions of a corridor. `progress` is
-    called at each stop with the finished share of the tour.
+    Every second loop goes the other way round, because the map needs both directions of a corridor.
     """
     driver = _Driver(robot, scene.clearance, settings or TourSettings())
     yield from driver.capture()
     for loop in range(loops):
         stops = _round_trip(_stops(scene, rng, driver.settings), robot.exact_pose[:2], rng)
-        for number, stop in enumerate(stops if loop % 2 == 0 else stops[::-1]):
-            if progress is not None:
-                progress((loop + number / len(stops)) / loops)
+        for stop in stops if loop % 2 == 0 else stops[::-1]:
             yield from driver.drive_to(stop)
             if loop < driver.settings.spin_loops:
                 yield from driver.spin(float(rng.choice([-1.0, 1.0])))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.evaluate import ProtocolOptions
+from ltvn_core.verbs.evaluate import PartSummary, ProtocolOptions, run_on_bar, run_plans_of
 from ltvn_core.verbs.verb import FLAT, Summary
 
 if TYPE_CHECKING:
@@ -92,31 +92,30 @@ class LifelongVerb(ProtocolOptions):
             raise OptionError("--maintenance has a name twice.")
         if self.world is not None and self.conditions:
             raise OptionError("A --world already changes light and doors; omit --conditions or --world.")
-        if self.world is not None:
-            return _in_world(self, self.world)
-        if len(self.maintenance) > 1 or {"truth", "brm-rooms"} & {*self.maintenance}:
+        names = self.maintenance
+        if self.world is None and (len(names) > 1 or {"truth", "brm-rooms"} & {*names}):
             raise OptionError(
                 "Without --world, --maintenance takes one name, and not truth or brm-rooms, which need a simulated "
                 "world. Name a --world, or run the command once for each."
             )
-        return _without_world(self, self.maintenance[0] if self.maintenance else None)
+        return self._test(names or (self.preset if self.world is not None else None,))
 
+    def _test(self, names: "Sequence[MaintenanceName | None]") -> Summary:
+        """Run the tests of some maintenances; None is that of the system."""
+        from ltvn_core.evaluation.plans import Schedule
+        from ltvn_core.evaluation.worlds.world_schedule import check_world
 
-def _in_world(options: LifelongVerb, world: str) -> Summary:
-    from ltvn_core.evaluation.plans import Schedule
-    from ltvn_core.evaluation.worlds.world_schedule import check_world
-    from ltvn_core.verbs.evaluate import PartSummary, run_on_bar, run_plans_of
-
-    schedule = Schedule(queries=options.queries, every=options.every, world=world, days=options.days)
-    plans = [
-        replace(plan, maintenance=name, schedule=schedule)
-        for name in options.maintenance or (options.preset,)
-        for plan in run_plans_of(options, DEFAULT_SYSTEM, options.episodes)
-    ]
-    for plan in {plan.scene: plan for plan in plans}.values():
-        check_world(plan)  # Invalid options are rejected now, not after minutes of mapping.
-    found = run_on_bar(options, plans, title=f"world {world}", unit="query")
-    return found if isinstance(found, PartSummary) else _world_summary(options, *found)
+        schedule = Schedule(queries=self.queries, every=self.every, world=self.world, days=self.days)
+        found = run_plans_of(self, DEFAULT_SYSTEM, self.episodes)
+        plans = [replace(plan, maintenance=name, schedule=schedule) for name in names for plan in found]
+        if self.world is not None:
+            for plan in {plan.scene: plan for plan in plans}.values():
+                check_world(plan)  # Invalid options are rejected now, not after minutes of mapping.
+        title = f"world {self.world}" if self.world is not None else "lifelong"
+        done = run_on_bar(self, plans, title=title, unit="query")
+        if isinstance(done, PartSummary):
+            return done
+        return _summary(self, *done, names[0]) if self.world is None else _world_summary(self, *done)
 
 
 def _world_summary(options: LifelongVerb, results: "Sequence[Run]", wall_s: float) -> WorldSummary:
@@ -140,19 +139,6 @@ def _world_summary(options: LifelongVerb, results: "Sequence[Run]", wall_s: floa
         folder=options.folder,
         wall_s=wall_s,
     )
-
-
-def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:
-    from ltvn_core.evaluation.plans import Schedule
-    from ltvn_core.verbs.evaluate import PartSummary, run_on_bar, run_plans_of
-
-    schedule = Schedule(queries=options.queries, every=options.every)
-    plans = [
-        replace(plan, maintenance=maintenance, schedule=schedule)
-        for plan in run_plans_of(options, DEFAULT_SYSTEM, options.episodes)
-    ]
-    found = run_on_bar(options, plans, title="lifelong", unit="query")
-    return found if isinstance(found, PartSummary) else _summary(options, *found, maintenance)
 
 
 def _summary(

@@ -6,7 +6,7 @@ All maintenances get the same queries, and each maintenance has its own map.
 import itertools
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -31,16 +31,7 @@ from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.types import FrameId, Pose, Predictor
-
-
-@dataclass(frozen=True, slots=True)
-class _Foretold:
-    """Predictions before a query, and the doors on its best path."""
-
-    now: PresenceScore
-    later: PresenceScore
-    doors_wanted: frozenset[int]
+from ltvn_core.types import Pose, Predictor
 
 
 class WorldDrive:
@@ -68,10 +59,15 @@ class WorldDrive:
         """Let time pass until the start of a query, and drive the query."""
         runner = self.runner
         world = self.world
+        graph = runner.map.graph
         scheduled = self._schedule.queries[query]
-        if scheduled.at_s > world.time_s:
-            world.skip(scheduled.at_s - world.time_s)
-        foretold = self._foretell(scheduled)
+        at_s = scheduled.at_s
+        if at_s > world.time_s:
+            world.skip(at_s - world.time_s)
+        foretell = partial(score_presence, runner.map.system, graph, edges=self._changing)
+        now = foretell(at_s=at_s, closed=scheduled.closed)
+        later = foretell(at_s=at_s + LATER_S, closed=scheduled.closed_later)
+        doors_wanted = self._doors_wanted(scheduled)
         watch = DoorWatch(world, self.closed_edges)
         people = EncounterLog()
         end: Pose = np.array(scheduled.episode.start_pose)
@@ -81,28 +77,35 @@ class WorldDrive:
             end = robot.exact_pose
             watch.consume(event)
 
-        rng = np.random.default_rng([self._plan.seed, 8, query])
+        # Changes of the world also begin new steps, so a query takes more images than steps.
+        steps = self._plan.protocol.steps_in(runner.scene)
         result = runner.run(
             query,
             scheduled.episode,
-            rng,
+            np.random.default_rng([self._plan.seed, 8, query]),
             on_event=consume,
-            first_frame=self._first_frame(query),
+            first_frame=self._schedule.first_frame + query * 4 * (steps + 1),
             on_step=people.watch,
         )
         goal = np.array([scheduled.episode.goal_pose])
-        cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
-        met = count_encounters(people.finish())
-        return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
-
-    def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
-        system = self.runner.map.system
-        graph = self.runner.map.graph
-        at_s = scheduled.at_s
-        score = partial(score_presence, system, graph, edges=self._changing)
-        now = score(at_s=at_s, closed=scheduled.closed)
-        later = score(at_s=at_s + LATER_S, closed=scheduled.closed_later)
-        return _Foretold(now, later, self._doors_wanted(scheduled))
+        return replace(
+            result,
+            at_s=at_s,
+            cut_off=not result.reached and not bool(world.reachable(end, goal)[0]),
+            shortest_m=scheduled.shortest_m,
+            blocked_tries=watch.blocked_tries,
+            doors_tried=tuple(sorted(watch.met_closed)),
+            doors_wanted=tuple(sorted(doors_wanted)),
+            doors_used=tuple(sorted(watch.used)),
+            now=now,
+            later=later,
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            lost_edges=sum(edge not in graph.edges for edge in self._schedule.edges),
+            detour_m=scheduled.detour_m,
+            door_tries=watch.door_tries,
+            people=count_encounters(people.finish()),
+        )
 
     def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
         """Return the doors on the best path through open edges of the map, from the node nearest to the start."""
@@ -115,33 +118,6 @@ class WorldDrive:
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
         way = planner.plan(nodes[int(np.argmin(gaps))], scheduled.episode.goal, dict.fromkeys(closed, math.inf))
         return self.closed_edges.doors_on(list(itertools.pairwise(way.nodes)))
-
-    def _first_frame(self, query: int) -> FrameId:
-        """Return the number of a query's first image; changes of the world also begin new steps."""
-        steps = self._plan.protocol.steps_in(self.runner.scene)
-        return self._schedule.first_frame + query * 4 * (steps + 1)
-
-    def _result(
-        self, scheduled: ScheduledQuery, result: QueryResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
-    ) -> QueryResult:
-        graph = self.runner.map.graph
-        return replace(
-            result,
-            at_s=scheduled.at_s,
-            cut_off=cut_off,
-            shortest_m=scheduled.shortest_m,
-            blocked_tries=watch.blocked_tries,
-            doors_tried=tuple(sorted(watch.met_closed)),
-            doors_wanted=tuple(sorted(foretold.doors_wanted)),
-            doors_used=tuple(sorted(watch.used)),
-            now=foretold.now,
-            later=foretold.later,
-            nodes=len(graph.nodes),
-            edges=len(graph.edges),
-            lost_edges=sum(edge not in graph.edges for edge in self._schedule.edges),
-            detour_m=scheduled.detour_m,
-            door_tries=watch.door_tries,
-        )
 
 
 def _keep_informed(predictor: Predictor, world: World) -> None:

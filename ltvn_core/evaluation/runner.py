@@ -65,8 +65,10 @@ def batch_ranges(first: int, until: int) -> _Batches:
 
 
 class Progress(NamedTuple):
-    """The maps, and the lines about queries and episodes, of a share of the work: in its folder, and in all."""
+    """What a share of the work has in its folder: drives, weights and maps, and lines about queries and episodes."""
 
+    drives: int
+    weights: int
     maps: int
     all_maps: int
     rows: int
@@ -126,7 +128,6 @@ def _jobs(share: Mapping[RunFiles, _Batches], after: int, command: str) -> Itera
 @contextmanager
 def _watched(share: Mapping[RunFiles, _Batches], tell: Callable[[Progress], object]) -> Iterator[None]:
     """Tell the progress of a share repeatedly, from a thread, and once more when the block ends."""
-    maps = [files.map() for files in share]
     missing = {path: size for files, batches in share.items() for path, size in _files_of_rows(files, batches)}
     all_rows = sum(missing.values())
     over = threading.Event()
@@ -139,7 +140,9 @@ def _watched(share: Mapping[RunFiles, _Batches], tell: Callable[[Progress], obje
                 del missing[path]  # So that it is not read again.
             unfinished += min(found, size) if found < size else 0
         done = all_rows - sum(missing.values()) + unfinished
-        tell(Progress(sum(path.exists() for path in maps), len(maps), done, all_rows))
+        made = [(files.drive_truth.exists(), files.weights.exists(), files.map().exists()) for files in share]
+        drives, weights, maps = map(sum, zip(*made, strict=True)) if made else (0, 0, 0)
+        tell(Progress(drives, weights, maps, len(made), done, all_rows))
 
     def watch_on() -> None:
         watch()

@@ -267,6 +267,7 @@ def shown_on(bar: "tqdm[NoReturn]") -> "Callable[[Progress], None]":
         if bar.total is None:  # What earlier calls finished tells nothing about the speed.
             bar.total, bar.initial, bar.n = found.all_rows, found.rows, found.rows
         bar.update(found.rows - bar.n)
-        bar.set_postfix_str(f"{found.maps} of {found.all_maps} maps ready" if found.maps < found.all_maps else "")
+        ready = f"{found.drives} drives, {found.weights} weights, {found.maps} maps of {found.all_maps} ready"
+        bar.set_postfix_str(ready if found.maps < found.all_maps else "")
 
     return show

@@ -36,7 +36,7 @@ def _run(plan: RunPlan, folder: Path, episodes: int = EPISODES) -> TestedMap:
     told: list[Progress] = []
     plan = replace(plan, protocol=replace(plan.protocol, episodes=episodes))
     (run,) = run_plans([plan], folder, command="test", parallel=parallel, tell=told.append)
-    assert told[-1] == Progress(maps=1, all_maps=1, rows=episodes, all_rows=episodes)
+    assert told[-1] == Progress(drives=1, weights=1, maps=1, all_maps=1, rows=episodes, all_rows=episodes)
     assert told == sorted(told)
     return run.maps[0]
 

@@ -1,14 +1,14 @@
 """Explains why an edge or a node is in the map, was removed, or is missing, and why p of an edge is low.
 
 Owns the order and the text of the steps. Uses only what the robot itself knew; `ltvn_core.evaluation` compares with the
-ground truth and finds the causes of failed episodes. `analysis.plan_alternative` explains why a plan used an edge.
+ground truth and finds the causes of failed episodes. `analysis.plan_explanation` explains why a plan used an edge.
 """
 
 from collections.abc import Iterator
 from itertools import groupby, pairwise
 
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifetime, TimedBelief, edge_history
-from ltvn_core.analysis.plan_alternative import (
+from ltvn_core.analysis.plan_explanation import (
     CAUSE_TEXTS,
     ExplanationKind,
     ExplanationStep,

@@ -1,7 +1,7 @@
 """Changes for a what-if question: another edge, belief, goal, start, threshold or time.
 
 Owns these changes as data, and parsing and formatting of their text form: "without 12->40", "p(12->40) = 0.1", "goal
-120", "D_c = 1.3", "at 18:00". `analysis.what_if_scenario` applies them to a copy of the map.
+120", "D_c = 1.3", "at 18:00". `analysis.replanning` applies them to a copy of the map.
 """
 
 import re

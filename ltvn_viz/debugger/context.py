@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from ltvn_core.analysis.replanning import Rules
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
-from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, ltvn_edge_weight
 from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
@@ -45,14 +45,6 @@ class PredictorView(NamedTuple):
         if not is_usable(seen, self.predictor):
             return None
         return recorded_observation(seen, self.camera, self.predictor.camera)
-
-
-class EdgeWeighting(NamedTuple):
-    """Edge weights of the navigation system that planned."""
-
-    edge_weight_of: EdgeWeightFactory
-    note: str
-    """A note for the person; usually empty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,15 +147,22 @@ class DebugContext:
         return tuple(stroke(start, end, colour) for start, end in ends if start is not None and end is not None)
 
     @property
-    def edge_weighting(self) -> EdgeWeighting:
-        """Return the edge weights of the run: those of the system that planned in it, or else those of the paper."""
+    def rules(self) -> Rules:
+        """The rules by which the run plans, with the edge costs of its system, or else those of the paper."""
+        entry = known_system(self.system)
+        rules = Rules(self.method, presence_filter=self.presence_filter)
+        return (
+            rules if entry is None else rules._replace(edge_weight_of=lambda method: entry.factory(method).edge_weight)
+        )
+
+    @property
+    def rules_note(self) -> str:
+        """What a person should know about the edge costs of another plan; usually empty."""
         entry = known_system(self.system)
         if entry is not None:
-            note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans use the edge costs of {entry.name}."
-            return EdgeWeighting(lambda method: entry.factory(method).edge_weight, note)
+            return "" if entry.name == DEFAULT_SYSTEM else f"Both plans use the edge costs of {entry.name}."
         named = f"names the system “{self.system}”, which is not known here" if self.system else "names no system"
-        note = f"The recording {named}; both plans use the edge costs of {DEFAULT_SYSTEM}."
-        return EdgeWeighting(ltvn_edge_weight, note)
+        return f"The recording {named}; both plans use the edge costs of {DEFAULT_SYSTEM}."
 
     def revision(self, *kinds: type) -> tuple[int, int]:
         """Return two numbers: the map changes so far, and the events of these kinds so far.

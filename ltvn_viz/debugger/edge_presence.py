@@ -12,17 +12,15 @@ from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, Pre
 from ltvn_core.analysis.edge_history import EdgeHistory
 from ltvn_core.analysis.edge_presence_history import (
     ObservedPresence,
-    PresenceDecision,
     PresenceState,
     PresenceStrip,
     expected_open_s,
-    explain_decision,
     observed_presence,
     presence_as_if,
-    presence_decision,
     presence_state,
     presence_strip,
 )
+from ltvn_core.analysis.plan_explanation import PresenceDecision, explain_decision, presence_decision
 from ltvn_core.analysis.world_clock import DAY_S, clock_text, duration_text
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -241,12 +239,10 @@ class EdgeDecisionsPart:
         last = plans[-1].event if plans else -1
         run = context.name, context.start_s
         self._latest.about(run)
-        timeline, planning, judge = context.timeline.copy(), context.method.planning, context.presence_filter
-        assert judge is not None
-        weight = context.edge_weighting.edge_weight_of(context.method)
+        timeline, rules = context.timeline.copy(), context.rules
 
         def explain() -> list[PresenceDecision]:
-            made = (presence_decision(timeline, plan, planning, judge, weight=weight) for plan in plans)
+            made = (presence_decision(timeline, plan, rules) for plan in plans)
             return [each for each in made if each is not None]
 
         return self._latest(context.in_background, ("tried", *run, last), explain)

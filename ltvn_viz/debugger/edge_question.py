@@ -23,7 +23,7 @@ from ltvn_core.analysis.answer import (
     Term,
 )
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeRemoval, TimedBelief, edge_history
-from ltvn_core.analysis.plan_alternative import CAUSE_TEXTS
+from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.graph.topological_graph import EdgeKey

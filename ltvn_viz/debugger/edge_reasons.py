@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ltvn_core.analysis import edge_explanation
 from ltvn_core.analysis.answer import Inline, Link, Strong, joined
 from ltvn_core.analysis.edge_history import EdgeHistory
-from ltvn_core.analysis.plan_alternative import ExplanationKind, ExplanationStep
+from ltvn_core.analysis.plan_explanation import ExplanationKind, ExplanationStep
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.geometry import distance
 from ltvn_core.graph.operators import OperatorThresholds
@@ -74,22 +74,20 @@ def _missing(context: DebugContext, edge: EdgeKey) -> Sequence[ExplanationStep]:
 
 def _chosen(context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: AnswerBuilder) -> None:
     timeline = context.timeline.copy()
-    planning = context.method.planning
     last = story.planned_at[-1]
-    how = context.edge_weighting
-    weight = how.edge_weight_of(context.method)
+    rules = context.rules
     # Replanning is slow on a large map, and the answer stays valid until the next plan.
     reasons = context.in_background(
         ("chosen", context.name, context.start_s, edge, last),
-        lambda: edge_explanation.explain_planned_edge(timeline, *edge, planning, at=last, weight=weight),
+        lambda: edge_explanation.explain_planned_edge(timeline, *edge, rules, at=last),
     )
     title = "Why was it chosen?"
     if reasons is None:
         builder.add_pending("Planning once more without it", title=title)
     else:
         _chain(context, title, reasons, builder)
-        if how.note:
-            builder.add_line(how.note)
+        if context.rules_note:
+            builder.add_line(context.rules_note)
 
 
 def _chain(context: DebugContext, title: str, reasons: Sequence[ExplanationStep], builder: AnswerBuilder) -> None:

@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias, assert_never
+from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, Step, Strong, joined
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
+from ltvn_core.analysis.replanning import EdgeCostParts, Moment, PlanDifference, Rules, imagine, moment_at, replan
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -23,23 +24,13 @@ from ltvn_core.analysis.what_if_changes import (
     format_what_if_change,
     parse_what_if_change,
 )
-from ltvn_core.analysis.what_if_scenario import (
-    EdgeCostParts,
-    EdgeWeightFactory,
-    PlanDifference,
-    PlannerState,
-    PresenceMoment,
-    planner_state_at,
-    replan,
-)
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay, clock_text
-from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
 from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
@@ -72,44 +63,16 @@ class ForgetAllChanges(QuestionRequest):
 WhatIfRequest: TypeAlias = ImagineChange | ForgetChange | ForgetAllChanges
 
 
-class WhatIfResult(NamedTuple):
-    """Result of a what-if question."""
-
-    plans: PlanDifference
-    asked: PlannerState
-    """State of the planner for the new plan."""
-
-
-WhatIfOutcome: TypeAlias = WhatIfResult | str
-"""A result, or the reason why there is none."""
-
-
-def _plan_both_ways(
-    graph: TopologicalGraph,
-    situation: PlannerState,
-    method: Method,
-    changes: tuple[WhatIfChange, ...],
-    edge_weight_of: EdgeWeightFactory,
-    presence: PresenceMoment | None,
-) -> WhatIfOutcome:
-    """Plan with and without the changes; copies the map twice and runs two searches, eight if edges may be closed."""
-    if not all(isinstance(each, WithGoal | WithStart) for each in changes):
-        situation = _placed(situation, changes)
+def _plan_both_ways(moment: Moment, changes: tuple[WhatIfChange, ...], rules: Rules) -> PlanDifference | str:
+    """Plan without and with the changes, or say why not; copies the map and runs two searches, eight if edges may be
+    closed."""
+    place = [each for each in changes if isinstance(each, WithGoal | WithStart)]
     try:
-        plans = replan(graph, situation, method, changes, edge_weight_of=edge_weight_of, presence=presence)
+        # Both plans start at an imagined place, so that they differ only by other changes.
+        here = moment if len(place) == len(changes) else imagine(moment, place, rules)[0]
+        return PlanDifference(replan(here, (), rules), replan(here, changes, rules))
     except LtvnError as error:
         return str(error)
-    return WhatIfResult(plans, _placed(situation, changes))
-
-
-def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> PlannerState:
-    """Return the situation at the imagined place, so that both plans start there and differ only by other changes."""
-    for each in changes:
-        if isinstance(each, WithGoal):
-            situation = replace(situation, goal=each.goal)
-        elif isinstance(each, WithStart):
-            situation = replace(situation, source=each.source)
-    return situation
 
 
 class WhatIfQuestion(Question[WhatIfRequest]):
@@ -189,33 +152,29 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             builder.add_line(request_link("forget all", ForgetAllChanges()))
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
-        graph = context.graph
-        situation = planner_state_at(context.timeline, context.instant)
+        moment = moment_at(context.timeline, context.instant, context.graph)
         changes = self._all
-        how = context.edge_weighting
         known = (
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
-            situation.source,
-            situation.goal,
+            moment.source,
+            moment.goal,
             # The time is rounded to seconds, because p(open) hardly changes within a second.
-            round(context.world_s) if context.graph.presence else 0,
+            round(moment.at_s) if context.graph.presence else 0,
         )
-        question = "what if", context.name, self._told, *known, *situation.failures.items()
-        judge = context.presence_filter
-        presence = PresenceMoment(judge, context.world_s) if judge is not None and context.graph.presence else None
-        plan = partial(_plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of, presence)
-        outcome: WhatIfOutcome | None = context.in_background(question, plan)
-        if outcome is None:
+        question = "what if", context.name, self._told, *known, *moment.failures.items()
+        plan = partial(_plan_both_ways, moment, changes, context.rules)
+        plans: PlanDifference | str | None = context.in_background(question, plan)
+        if plans is None:
             builder.add_pending("Planning both ways")
             return EMPTY_OVERLAY
-        if isinstance(outcome, str):
-            builder.add_line(outcome)
+        if isinstance(plans, str):
+            builder.add_line(plans)
             _say_when_it_was(context, changes, builder)
             return EMPTY_OVERLAY
-        if how.note:
-            builder.add_line(how.note)
-        _say(outcome, builder)
-        return _overlay(context, outcome.plans)
+        if context.rules_note:
+            builder.add_line(context.rules_note)
+        _say(plans, changes, builder)
+        return Overlay(strokes) if (strokes := _strokes(context, plans)) else EMPTY_OVERLAY
 
     @property
     def _all(self) -> tuple[WhatIfChange, ...]:
@@ -285,24 +244,23 @@ def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
     builder.add_line(f"It is {clock_text(context.world_s)}. What if it were ", joined(map(_offer, OFFERED_TIMES)))
 
 
-def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:
-    plans = answer.plans
-    for note in plans.notes:
+def _say(plans: PlanDifference, changes: Sequence[WhatIfChange], builder: AnswerBuilder) -> None:
+    old, new = plans.old, plans.new
+    for note in new.notes:
         builder.add_line(note)
-    if plans.old_open != plans.new_open:
+    if old.open_edges != new.open_edges:
         _add_open_edges(plans, builder)
-    asked = answer.asked
-    if asked.source is not None and asked.goal is not None:
-        builder.add_line(f"From {asked.source} to {asked.goal}: ", Strong(plans.sentence))
-        _table(plans, builder)
-
-
-def _table(plans: PlanDifference, builder: AnswerBuilder) -> None:
-    rows = [_row("old", each) for each in plans.old_edges if each.edge in plans.removed_edges]
-    rows += [_row("new", each) for each in plans.new_edges if each.edge in plans.added_edges]
+    # A robot that a change makes lost is still asked about from its place.
+    source = next((each.source for each in reversed(changes) if isinstance(each, WithStart)), old.moment.source)
+    goal = new.moment.goal
+    if source is None or goal is None:
+        return
+    builder.add_line(f"From {source} to {goal}: ", Strong(plans.sentence))
+    rows = [_row("old", each) for each in old.edges if each.edge in plans.removed_edges]
+    rows += [_row("new", each) for each in new.edges if each.edge in plans.added_edges]
     if not rows:
-        known = {each.edge: each for each in plans.old_edges}
-        rows = [_row("now", each) for each in plans.new_edges if known.get(each.edge) != each]
+        known = {each.edge: each for each in old.edges}
+        rows = [_row("now", each) for each in new.edges if known.get(each.edge) != each]
     if rows:
         builder.add_table(("plan", "edge", "length (mu)", "doubt", "failed", "p open"), rows[:_ROWS])
 
@@ -312,25 +270,23 @@ def _row(plan: str, priced: EdgeCostParts) -> tuple[Inline, ...]:
     return plan, edge_link(*priced.edge), *numbers
 
 
-def _overlay(context: DebugContext, plans: PlanDifference) -> Overlay:
-    strokes = (
-        *context.strokes(pairwise(plans.old.nodes), palette.PLAN),
-        *context.strokes([edge for edge in pairwise(plans.new.nodes) if edge in plans.added_edges], palette.EDGE_ADDED),
+def _strokes(context: DebugContext, plans: PlanDifference) -> tuple[Stroke, ...]:
+    return (
+        *context.strokes(pairwise(plans.old.path.nodes), palette.PLAN),
+        *context.strokes(plans.added_edges, palette.EDGE_ADDED),
     )
-    return Overlay(strokes) if strokes else EMPTY_OVERLAY
 
 
 def _add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     """Report the edges that would change between open and closed."""
-    then = plans.new_open
-    count = sum(p >= OPEN_ABOVE for p in then.values())
-    before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())
+    now, then = plans.old.open_edges, plans.new.open_edges
+    count, before = (sum(p >= OPEN_ABOVE for p in each.values()) for each in (then, now))
     builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would count as open, now {before}.")
-    changed = [edge for edge in then if _state_of(plans.old_open, edge) is not _state_of(then, edge)]
+    changed = [edge for edge in then if _state_of(now, edge) is not _state_of(then, edge)]
     rows = [
         (
             edge_link(*edge),
-            f"{plans.old_open.get(edge, 1.0):.2f} {_state_of(plans.old_open, edge)}",
+            f"{now.get(edge, 1.0):.2f} {_state_of(now, edge)}",
             f"{then[edge]:.2f} {_state_of(then, edge)}",
         )
         for edge in changed[:_ROWS]

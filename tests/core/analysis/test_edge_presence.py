@@ -7,9 +7,10 @@ import pytest
 from examples.presence_plugin.presence_filters import FREMEN
 from ltvn_core.analysis import edge_presence_history as h
 from ltvn_core.analysis import world_clock as clock
+from ltvn_core.analysis.plan_explanation import PresenceDecision, explain_decision, presence_decision
+from ltvn_core.analysis.replanning import Moment, Rules, moment_at, replan
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.what_if_changes import format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_scenario import PresenceMoment, planner_state_at, replan
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError
 from ltvn_core.graph import deltas as d
@@ -23,6 +24,7 @@ from ltvn_core.navigation.events import GraphChanged, Localised, Planned, QueryS
 from ltvn_core.worlds import DoorMoved, TimePassed
 from tests.core.evaluation.ground_truth_map import map_with_edges
 
+RULES = Rules(ROBUST, presence_filter=PERSISTENT)
 CLOSED_TWICE = [PresenceObservation(present=False, stamp_s=float(at)) for at in (100, 700)]
 OPENED = [*CLOSED_TWICE, PresenceObservation(present=True, stamp_s=4000.0)]
 
@@ -112,16 +114,16 @@ def run(around: float, waited_s: float) -> Timeline:
     return timeline
 
 
-def decision(timeline: Timeline) -> h.PresenceDecision:
+def decision(timeline: Timeline) -> PresenceDecision:
     """Return what its last plan chose between."""
-    made = h.presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT)
+    made = presence_decision(timeline, timeline.plans[-1], RULES)
     assert made is not None
     return made
 
 
 def test_a_try_that_saves_much_is_explained_in_numbers() -> None:
     made = decision(run(around=12.0, waited_s=60.0))
-    said = " ".join(h.explain_decision(made))
+    said = " ".join(explain_decision(made))
     assert made.tried
     assert made.follows_rule
     assert made.tries == 0
@@ -137,38 +139,36 @@ def test_going_around_is_explained_too_where_a_try_is_not_worth_it() -> None:
     assert not made.tried
     assert made.follows_rule
     assert made.expected_saving < 0
-    assert "went around" in " ".join(h.explain_decision(made))
+    assert "went around" in " ".join(explain_decision(made))
 
 
 def test_an_edge_that_is_probably_open_by_now_is_driven_like_any_other() -> None:
     made = decision(run(around=3.0, waited_s=30 * 24 * HOUR))
     assert made.tried
     assert made.counts_as_open
-    assert "so it counted as open" in " ".join(h.explain_decision(made))
+    assert "so it counted as open" in " ".join(explain_decision(made))
 
 
 def test_a_plan_on_whose_way_nothing_was_seen_blocked_needs_no_explanation() -> None:
     timeline = run(around=0.8, waited_s=60.0)
-    assert h.presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT) is None
+    assert presence_decision(timeline, timeline.plans[-1], RULES) is None
 
 
 def test_later_the_door_is_probably_open_and_the_plan_leads_through_it() -> None:
     timeline = run(around=1.6, waited_s=60.0)
-    now = PresenceMoment(PERSISTENT, clock.world_time_at(timeline, timeline.instant(len(timeline.events) - 1)))
-    found = replan(
-        timeline.graph_at(), planner_state_at(timeline), ROBUST, [parse_what_if_change("in 2 d")], presence=now
-    )
-    assert found.old.nodes == (0, 3, 2)
-    assert found.new.nodes == (0, 1, 2)
-    assert found.old_open[1, 2] < 0.5 < found.new_open[1, 2]
-    assert "day 3, 08:01" in " ".join(found.notes)
+    later = [parse_what_if_change("in 2 d")]
+    now, then = (replan(moment_at(timeline), changes, RULES) for changes in ((), later))
+    assert now.path.nodes == (0, 3, 2)
+    assert then.path.nodes == (0, 1, 2)
+    assert now.open_edges[1, 2] < 0.5 < then.open_edges[1, 2]
+    assert "day 3, 08:01" in " ".join(then.notes)
 
 
 def test_without_presence_a_later_time_changes_nothing_and_says_so() -> None:
-    graph = TopologicalGraph([each.delta for each in through_the_door(3.0)])
-    found = replan(graph, planner_state_at(run(3.0, 1.0)), ROBUST, [parse_what_if_change("at 18:00")])
-    assert found.old == found.new
-    assert "time changes nothing" in found.notes[0]
+    moment = Moment(TopologicalGraph([each.delta for each in through_the_door(3.0)]), 0, 2)
+    now, then = (replan(moment, changes, RULES) for changes in ((), [parse_what_if_change("at 18:00")]))
+    assert (now.path, now.edges) == (then.path, then.edges)
+    assert "time changes nothing" in then.notes[0]
 
 
 @pytest.mark.parametrize("text", ["at 18:00", "at day 2 07:30", "in 30 min", "in 1 h", "in 2 d"])

@@ -1,9 +1,12 @@
 """Why is this edge gone, so weak, chosen, missing; why is this node here: chains of sentences with links."""
 
+from dataclasses import replace
+
 import pytest
 
 from ltvn_core.analysis import edge_explanation as why
-from ltvn_core.analysis.plan_alternative import ExplanationKind, plan_alternative
+from ltvn_core.analysis.plan_explanation import ExplanationKind
+from ltvn_core.analysis.replanning import Rules
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, PlanningConfig
@@ -21,11 +24,10 @@ def test_an_edge_that_was_not_yet_pruned_then_is_not_gone() -> None:
 
 
 def test_a_failure_in_the_same_query_makes_an_edge_dearer() -> None:
-    made = plan_alternative(
-        runs.timeline(), 1, 2, PlanningConfig(belief_weight=0.0, failure_penalty=0.4), at=Instant(60, 6.0)
-    )
-    assert made is not None
-    assert (made.penalty, made.matches_recording) == (0.4, True)
+    rules = Rules(replace(PAPER, planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.4)))
+    chain = why.explain_planned_edge(runs.timeline(), 1, 2, rules, at=Instant(60, 6.0))
+    assert [reason.text[:4] for reason in chain if reason.kind is ExplanationKind.PENALTY] == ["0.40"]
+    assert not any("as recorded" in reason.text for reason in chain)
 
 
 def test_an_edge_that_no_image_supports_is_dearer_for_a_robot_that_is_unsure_of_its_place() -> None:
@@ -41,16 +43,13 @@ def test_an_edge_that_no_image_supports_is_dearer_for_a_robot_that_is_unsure_of_
             *runs.at(10, runs.node(0), runs.node(1), blind),
             *runs.at(20, QueryStarted(0, 1), Planned(0, (0, 1), planned_cost, place_p)),
         ]
-        made = plan_alternative(Timeline.of(run), 0, 1, planning)
-        assert made is not None
-        assert made.matches_recording
-        assert bool(made.blind_cost) == dearer
-        chain = why.explain_planned_edge(Timeline.of(run), 0, 1, planning)
+        chain = why.explain_planned_edge(Timeline.of(run), 0, 1, Rules(replace(PAPER, planning=planning)))
+        assert not any("as recorded" in reason.text for reason in chain)
         assert any("no image supports" in reason.text for reason in chain) == dearer
 
 
 def test_an_edge_no_plan_led_through_was_not_chosen() -> None:
-    (reason,) = why.explain_planned_edge(runs.timeline(), 7, 8, PAPER.planning)
+    (reason,) = why.explain_planned_edge(runs.timeline(), 7, 8, Rules(PAPER))
     assert reason.kind is ExplanationKind.NEVER
 
 
@@ -75,7 +74,7 @@ def test_a_recording_cut_anywhere_still_gives_answers(length: int) -> None:
         why.explain_pruned_edge(timeline, 1, 2),
         why.explain_edge_belief(timeline, 1, 2),
         why.explain_missing_edge(timeline, 1, 2),
-        why.explain_planned_edge(timeline, 1, 2, PAPER.planning),
+        why.explain_planned_edge(timeline, 1, 2, Rules(PAPER)),
         why.explain_node(timeline, 1),
     ):
         assert all(reason.text for reason in chain)

@@ -9,6 +9,7 @@ from ltvn_core.analysis import edge_explanation as why
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.lifelong_success import lifelong_success
+from ltvn_core.analysis.replanning import Rules
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.config import PAPER
@@ -53,7 +54,7 @@ def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent
     story = edge_history(timeline, LEGS - 1, LEGS)
     assert (len(story.attempts), len(story.planned_at)) == (QUERIES, QUERIES * LEGS)
     assert len(why.explain_pruned_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
-    assert len(why.explain_planned_edge(timeline, 0, 1, PAPER.planning)) == 3
+    assert len(why.explain_planned_edge(timeline, 0, 1, Rules(PAPER))) == 3
     assert len(failed_queries(timeline)) == QUERIES // 10
     assert lifelong_success(timeline).edges.tolist() == [49_985] * QUERIES
 

@@ -8,15 +8,18 @@ from functools import cache
 import pytest
 
 from ltvn_core.analysis import what_if_changes as w
-from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.analysis.what_if_scenario import (
-    PlannerState,
-    WhatIfScenario,
-    apply_what_if_changes,
-    planner_state_at,
+from ltvn_core.analysis.replanning import (
+    EdgeWeightFactory,
+    Moment,
+    PlanDifference,
+    Rules,
+    imagine,
+    ltvn_edge_weight,
+    moment_at,
     replan,
 )
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, MapError, OptionError
@@ -36,7 +39,18 @@ def diamond() -> TopologicalGraph:
     return graph
 
 
-ASKED = PlannerState(0, 3)
+ASKED = Moment(diamond(), 0, 3)
+PLAIN = Rules(ROBUST)
+
+
+def both(
+    moment: Moment, *changes: w.WhatIfChange, edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
+) -> PlanDifference:
+    """Return the plans without and with the changes."""
+    rules = PLAIN._replace(edge_weight_of=edge_weight_of)
+    return PlanDifference(replan(moment, (), rules), replan(moment, changes, rules))
+
+
 SURE = Belief(0.9, 0.1, 0.02)
 
 
@@ -58,37 +72,35 @@ SURE = Belief(0.9, 0.1, 0.02)
     ],
 )
 def test_a_change_leads_to_the_plan_one_expects(change: w.WhatIfChange, nodes: tuple[int, ...]) -> None:
-    graph = diamond()
-    found = replan(graph, ASKED, ROBUST, [change])
-    assert found.old.nodes == (0, 1, 3)
-    assert found.new.nodes == nodes
+    found = both(ASKED, change)
+    assert found.old.path.nodes == (0, 1, 3)
+    assert found.new.path.nodes == nodes
     assert {*found.removed_edges, *found.added_edges} == {(0, 1), (1, 3)} ^ set(itertools.pairwise(nodes))
     assert found.sentence.endswith(".")
-    assert graph == diamond()
+    assert ASKED.graph == diamond()
 
 
 def test_a_baseline_plans_with_its_own_weights() -> None:
-    assert replan(diamond(), ASKED, ROBUST, [w.WithBelief(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
-    found = replan(
-        diamond(),
+    assert both(ASKED, w.WithBelief(0, 1, mu=9.0)).new.path.nodes == (0, 2, 3)
+    found = both(
         ASKED,
-        ROBUST,
-        [w.WithBelief(0, 1, mu=9.0), w.WithThreshold(w.WhatIfThreshold.BELIEF_WEIGHT, 2.0)],
+        w.WithBelief(0, 1, mu=9.0),
+        w.WithThreshold(w.WhatIfThreshold.BELIEF_WEIGHT, 2.0),
         edge_weight_of=lambda method: open_system("sptm", method).edge_weight,
     )
-    assert found.new.cost == 2.0
+    assert found.new.path.cost == 2.0
     assert found.sentence.startswith("The same path")
-    assert "nothing changes" in found.notes[0]
+    assert "nothing changes" in found.new.notes[0]
 
 
 def test_a_path_costs_what_its_edges_cost() -> None:
-    failed = PlannerState(0, 3, {(0, 1): 2})
-    found = replan(diamond(), failed, ROBUST, [w.WithThreshold(w.WhatIfThreshold.FAILURE_PENALTY, 0.0)])
-    assert found.old.nodes == (0, 2, 3)
-    assert found.new.nodes == (0, 1, 3)
-    for path, edges in ((found.old, found.old_edges), (found.new, found.new_edges)):
-        assert sum(edge.mu + edge.doubt + edge.penalty for edge in edges) == pytest.approx(path.cost)
-    assert replan(diamond(), failed, ROBUST, [w.WithoutEdge(0, 2)]).new_edges[0].penalty == 4.0
+    failed = Moment(diamond(), 0, 3, {(0, 1): 2})
+    found = both(failed, w.WithThreshold(w.WhatIfThreshold.FAILURE_PENALTY, 0.0))
+    assert found.old.path.nodes == (0, 2, 3)
+    assert found.new.path.nodes == (0, 1, 3)
+    for plan in (found.old, found.new):
+        assert sum(edge.mu + edge.doubt + edge.penalty for edge in plan.edges) == pytest.approx(plan.path.cost)
+    assert replan(failed, [w.WithoutEdge(0, 2)], PLAIN).edges[0].penalty == 4.0
 
 
 def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_supports() -> None:
@@ -97,19 +109,8 @@ def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_suppor
     graph.apply(EdgePruned(0, 1, Cause.HAND))
     graph.apply(EdgeAdded(replace(supported, by_odometry=True), Cause.BUILD))
     for place_p, penalty in ((0.9, 0.0), (0.3, 3.0)):
-        look = e.Localised(
-            query=0,
-            frame=1,
-            node=0,
-            distance=0.1,
-            reachability=0.9,
-            runner_up=None,
-            margin=1.0,
-            scope="local",
-            probability=place_p,
-        )
-        found = replan(graph, PlannerState(0, 1, localised=look), ROBUST, [w.WithoutEdge(2, 3)])
-        assert sum(part.penalty for part in found.old_edges) == penalty
+        found = replan(Moment(graph, 0, 1, place_p=place_p), (), PLAIN)
+        assert sum(part.penalty for part in found.edges) == penalty
 
 
 @cache
@@ -124,37 +125,35 @@ def test_without_a_change_the_plan_is_the_recorded_one() -> None:
     for k in [k for k, stamped in enumerate(events) if isinstance(stamped.event, e.Planned)][::5]:
         planned, past = events[k].event, events[:k]
         assert isinstance(planned, e.Planned)
-        graph = TopologicalGraph(s.event.delta for s in past if isinstance(s.event, e.GraphChanged))
-        found = replan(graph, planner_state_at(Timeline.of(past)), method, [])
-        assert found.old.nodes == found.new.nodes == planned.nodes
-        assert found.old.cost == pytest.approx(planned.cost)
-        assert not found.removed_edges
-        assert not found.added_edges
+        found = replan(moment_at(Timeline.of(past)), (), Rules(method))
+        assert found.path.nodes == planned.nodes
+        assert found.path.cost == pytest.approx(planned.cost)
 
 
 def test_failures_of_a_query_are_forgotten_in_the_next() -> None:
     ended = e.AttemptEnded(0, 1, 0, 2, 5, e.AttemptEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
     events = [e.StampedEvent(1, 0.1, e.QueryStarted(0, 3)), e.StampedEvent(1, 0.1, e.Planned(0, (0, 1, 2, 3), 1.0))]
     events += [e.StampedEvent(2, 0.2, ended), e.StampedEvent(3, 0.3, e.QueryStarted(1, 4))]
-    assert planner_state_at(Timeline.of(events), Instant(2, 0.2)).failures == {(0, 1): 1, (1, 2): 1}
-    assert planner_state_at(Timeline.of(events)) == PlannerState(None, 4)
-    assert planner_state_at(Timeline.of(events[2:3])).failures == {(0, 2): 1}
+    assert moment_at(Timeline.of(events), Instant(2, 0.2)).failures == {(0, 1): 1, (1, 2): 1}
+    after = moment_at(Timeline.of(events))
+    assert (after.source, after.goal, after.failures) == (None, 4, {})
+    assert moment_at(Timeline.of(events[2:3])).failures == {(0, 2): 1}
 
 
 def test_a_moment_without_a_question_has_no_plan_but_says_why() -> None:
-    found = replan(TopologicalGraph(), planner_state_at(Timeline()), ROBUST, [])
-    assert found.new.nodes == ()
-    assert math.isinf(found.new.cost)
+    found = replan(moment_at(Timeline()), (), PLAIN)
+    assert found.path.nodes == ()
+    assert math.isinf(found.path.cost)
     assert "where the robot is" in found.notes[0]
 
 
 def test_a_smaller_distance_of_localisation_may_lose_the_robot() -> None:
     look = e.Localised(0, 5, 0, 0.8, 0.9, None, math.inf, "global")
-    asked = PlannerState(0, 3, localised=look)
-    found = replan(diamond(), asked, ROBUST, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.5)])
-    assert found.new.nodes == ()
+    asked = Moment(diamond(), 0, 3, localised=look)
+    found = replan(asked, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.5)], PLAIN)
+    assert found.path.nodes == ()
     assert "lost" in found.notes[0]
-    assert replan(diamond(), asked, ROBUST, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.9)]).new.nodes == (0, 1, 3)
+    assert replan(asked, [w.WithThreshold(w.WhatIfThreshold.D_L, 0.9)], PLAIN).path.nodes == (0, 1, 3)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +170,7 @@ def test_a_smaller_distance_of_localisation_may_lose_the_robot() -> None:
 )
 def test_what_cannot_be_imagined_is_said(change: w.WhatIfChange, message: str) -> None:
     with pytest.raises(LtvnError, match=message):
-        replan(diamond(), ASKED, ROBUST, [change])
+        replan(ASKED, [change], PLAIN)
 
 
 @pytest.fixture
@@ -197,8 +196,7 @@ def test_what_is_typed_means_what_it_says() -> None:
 
 
 def imagined(graph: TopologicalGraph, text: str) -> TopologicalGraph:
-    scenario = WhatIfScenario(graph, PlannerState(None, None), ROBUST)
-    return apply_what_if_changes(scenario, [w.parse_what_if_change(text)]).graph
+    return imagine(Moment(graph), [w.parse_what_if_change(text)], PLAIN)[0].graph
 
 
 def test_an_edge_that_is_there_keeps_its_belief_and_a_new_one_is_believed_in(graph: TopologicalGraph) -> None:

@@ -1,12 +1,11 @@
 """How sure the localisation of the robot is, and which places look alike.
 
-Owns the numbers behind the heat map and the curve: the current view compared with every node, and the margin over time.
-Also owns the search for perceptual aliases, from the map and its odometry. Every false edge of a map joins such a pair,
-and most wrong localisations confuse one.
+Owns the numbers behind the heat map, the current view compared with every node, and the search for perceptual aliases,
+from the map and its odometry. Every false edge of a map joins such a pair, and most wrong localisations confuse one.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.events import Localised, StampedEvent
 from ltvn_core.types import Features, NodeId, Observation, Predictor
 
 _LEAST_R = 1e-6
@@ -77,34 +75,6 @@ def features_of(observation: Observation, matcher: Matcher, predictor: Predictor
     """Return the features (1, F) of a view; it is encoded only if the matcher's keyframes do not hold it."""
     keyframes = matcher.keyframes
     return keyframes.features([observation.step]) if observation.step in keyframes else predictor.encode([observation])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalisationMargins:
-    """Margins of M localisations, as columns in the order of the events."""
-
-    steps: NDArray[np.int64]
-    """(M,) control steps."""
-    stamps: NDArray[np.float64]
-    """(M,) seconds on the robot's clock."""
-    margins: NDArray[np.float64]
-    """(M,): score of the second best node minus score of the best; infinite without a second."""
-    distances: NDArray[np.float64]
-    """(M,): d of the best node."""
-    nodes: tuple[NodeId | None, ...]
-    """The M best nodes; None where the robot was lost."""
-
-
-def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
-    """Return the margin of each localisation among the events, over time. Linear in the events."""
-    found = [(stamped.step, stamped.stamp, stamped.event) for stamped in events if isinstance(stamped.event, Localised)]
-    return LocalisationMargins(
-        steps=np.array([step for step, _, _ in found], np.int64),
-        stamps=np.array([stamp for _, stamp, _ in found], np.float64),
-        margins=np.array([localised.margin for _, _, localised in found], np.float64),
-        distances=np.array([localised.distance for _, _, localised in found], np.float64),
-        nodes=tuple(localised.node for _, _, localised in found),
-    )
 
 
 _DRIFT = BuildingConfig().odometry_drift

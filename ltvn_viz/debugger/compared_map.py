@@ -3,7 +3,7 @@
 Owns the search for the other map. The differences are computed in `ltvn_core.analysis`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,15 +69,7 @@ class MapComparison:
 
 def map_of_moment(context: DebugContext) -> ComparedMap:
     """Return the map on show."""
-    count = context.timeline.count_until(context.instant)
-    return ComparedMap(
-        name=context.name,
-        scene=context.scene,
-        graph=context.graph,
-        events=context.timeline.events[:count],
-        poses=_poses(context, context.graph),
-        world_s=context.world_s,
-    )
+    return _map_before(context, context.timeline.count_until(context.instant), context.name, context.world_s)
 
 
 def map_before_first_query(context: DebugContext) -> ComparedMap:
@@ -91,25 +83,23 @@ def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
     If the run had no map at that time, return its map from before the first query.
     """
     at_s = time_behind(time, context.world_s)
-    count = event_count_at(context.timeline, at_s)
-    named = f"{format_world_time(time)}, {clock_text(at_s)}"
-    if not context.timeline.graph_before(count).nodes:
-        named = f"when the run began, later than {clock_text(at_s)}"
-        return _map_before(context, first_query_event(context), named)
-    return _map_before(context, count, named, at_s)
+    found = _map_before(
+        context, event_count_at(context.timeline, at_s), f"{format_world_time(time)}, {clock_text(at_s)}", at_s
+    )
+    named = f"when the run began, later than {clock_text(at_s)}"
+    return found if found.graph.nodes else _map_before(context, first_query_event(context), named)
 
 
 def _map_before(context: DebugContext, count: int, name: str, at_s: float | None = None) -> ComparedMap:
     timeline = context.timeline
     graph = timeline.graph_before(count)
-    world_s = world_time_before(timeline, count) if at_s is None else at_s
     return ComparedMap(
         name=name,
         scene=context.scene,
         graph=graph,
         events=timeline.events[:count],
-        poses=_poses(context, graph),
-        world_s=latest_known_time(graph, world_s),
+        poses={node: pose for node in graph.nodes if (pose := context.pose(node)) is not None},
+        world_s=latest_known_time(graph, world_time_before(timeline, count) if at_s is None else at_s),
     )
 
 
@@ -126,23 +116,15 @@ def opened_map(path: Path) -> ComparedMap:
     poses = recording.poses
     drawn = poses.odometry if poses.exact is None else poses.exact
     graph = recording.final_graph()
+    timeline = Timeline.of(recording.events)
     return ComparedMap(
         name=path.name,
         scene=recording.meta.scene,
         graph=graph,
         events=recording.events,
         poses=dict(zip(poses.steps.tolist(), drawn, strict=True)),
-        world_s=latest_known_time(graph, _last_time(recording.events)),
+        world_s=latest_known_time(graph, world_time_before(timeline, len(timeline.events))),
     )
-
-
-def _last_time(events: Iterable[StampedEvent]) -> float:
-    timeline = Timeline.of(events)
-    return world_time_before(timeline, len(timeline.events))
-
-
-def _poses(context: DebugContext, graph: TopologicalGraph) -> dict[NodeId, Pose]:
-    return {node: pose for node in graph.nodes if (pose := context.pose(node)) is not None}
 
 
 def compare(here: ComparedMap, there: ComparedMap, presence_filter: PresenceFilter) -> MapComparison:

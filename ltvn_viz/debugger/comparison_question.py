@@ -3,13 +3,13 @@
 This includes changes since an earlier time: edges that are closed now or open again, and new nodes and edges.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Key, Step
-from ltvn_core.analysis.edge_presence_history import PresenceChange, PresenceState, presence_state
+from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
@@ -26,7 +26,6 @@ from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded, WorldChanged
-from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_core.worlds import TimePassed, change_text
 from ltvn_viz.debugger.background_cache import LatestAnswer
@@ -112,7 +111,8 @@ class ComparisonQuestion(Question[ComparisonRequest]):
             builder.add_line(str(error))
             return builder.build()
         if there is None:
-            builder.add_pending(f"Opening {_title(self._other)}")
+            named = self._other.name if isinstance(self._other, CompareWithRecording) else "what was before"
+            builder.add_pending(f"Opening {named}")
             return builder.build()
         question = "compare", context.name, context.revision(Collided, QueryEnded, Judged, WorldChanged), there.name
         here = map_of_moment(context)
@@ -162,10 +162,6 @@ class ComparisonQuestion(Question[ComparisonRequest]):
             )
             self._earlier = key, context.timeline, made
         return self._earlier[2]
-
-
-def _title(other: _Other) -> str:
-    return other.name if isinstance(other, CompareWithRecording) else "what was before"
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
@@ -235,28 +231,24 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         f"{len(difference.nodes)} nodes are in both, matched by their {difference.matched_by}; "
         f"{len(difference.nodes_only_a)} only here, {len(difference.nodes_only_b)} only there."
     )
-    add_presence_changes(found, builder)
-    add_world_changes(found, builder)
+    presence_strokes = _add_presence_changes(found, builder)
+    texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
+    if texts:
+        more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""
+        builder.add_line(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
     nodes = builder.add_selected_edge(selection)
     if difference.differing:
         back = {other: node for node, other in difference.nodes.items()}
-        rows = [_row(each, back) for each in difference.differing[:_ROWS]]
+        shares = ("–" if each.betweenness < 5e-4 else f"{each.betweenness:.1%}" for each in difference.differing)
+        shown = zip(difference.differing[:_ROWS], shares, strict=False)
+        rows = [(_name(each, back), _p(each.a), _p(each.b), share) for each, share in shown]
         builder.add_table(("edge", "p here", "p there", "of all ways"), rows)
         if len(difference.differing) > _ROWS:
             builder.add_line(f"… and {len(difference.differing) - _ROWS} less important ones.")
-    strokes = *_strokes(found, difference), *presence_strokes(found)
-    return builder.build(Overlay(strokes=strokes, nodes={**_new_nodes(difference), **nodes}))
-
-
-def _new_nodes(difference: MapDifference) -> dict[NodeId, Rgb8]:
-    if difference.matched_by is not MatchedBy.ID:
-        return {}  # The map of another drive shares hardly any nodes with this one.
-    return dict.fromkeys(difference.nodes_only_a[:_STROKES], palette.EDGE_ADDED)
-
-
-def _row(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> tuple[Inline, ...]:
-    shares = "–" if each.betweenness < 5e-4 else f"{each.betweenness:.1%}"
-    return _name(each, back), _p(each.a), _p(each.b), shares
+    # The map of another drive shares hardly any nodes with this one.
+    new = difference.nodes_only_a[:_STROKES] if difference.matched_by is MatchedBy.ID else ()
+    strokes = (*_strokes(found, difference), *presence_strokes)
+    return builder.build(Overlay(strokes=strokes, nodes={**dict.fromkeys(new, palette.EDGE_ADDED), **nodes}))
 
 
 def _name(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> Inline:
@@ -286,54 +278,26 @@ def _strokes(found: MapComparison, difference: MapDifference) -> tuple[Stroke, .
     return tuple(strokes)
 
 
-def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
-    """Report the edges that are predicted closed only in this map, and those that are open again."""
+def _add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+    """Report the edges that are predicted closed only in this map, and those that are open again; return a line for
+    each."""
     if not (found.here.graph.presence or found.there.graph.presence):
-        return
-    closed = closed_since(found.presence)
-    returned = returned_since(found.presence)
+        return ()
+    closed = [each.edge for each in found.presence if presence_state(each.before) is PresenceState.OPEN]
+    returned = [each.edge for each in found.presence if presence_state(each.now) is PresenceState.OPEN]
     builder.add_line(f"It is {clock_text(found.here.world_s)} here, and {clock_text(found.there.world_s)} there.")
     builder.add_line(
         Key(CLOSED, f"closed here, not there: {len(closed)}"), Key(RETURNED, f"open again here: {len(returned)}")
     )
     rows = [
-        (
-            edge_link(*each.edge),
-            f"{each.before:.2f} {presence_state(each.before)}",
-            f"{each.now:.2f} {presence_state(each.now)}",
-        )
+        (edge_link(*each.edge), *(f"{p:.2f} {presence_state(p)}" for p in (each.before, each.now)))
         for each in found.presence[:_PRESENCE_ROWS]
     ]
     if rows:
         builder.add_table(("edge", "p open there", "p open here"), rows)
     if len(found.presence) > _PRESENCE_ROWS:
         builder.add_line(f"… and {len(found.presence) - _PRESENCE_ROWS} more.")
-
-
-def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
-    """Report, in simulation, the differences of the world itself."""
-    texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
-    if texts:
-        more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""
-        builder.add_line(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
-
-
-def presence_strokes(found: MapComparison) -> tuple[Stroke, ...]:
-    """Return a line for each edge that is closed now, or open again."""
     poses = found.here.poses
-    coloured = [
-        *((each.edge, CLOSED) for each in closed_since(found.presence)),
-        *((each.edge, RETURNED) for each in returned_since(found.presence)),
-    ]
-    known = ((edge, colour) for edge, colour in coloured if edge[0] in poses and edge[1] in poses)
-    return tuple(stroke(poses[edge[0]], poses[edge[1]], colour) for edge, colour in known)
-
-
-def closed_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
-    """Return the edges that were predicted open and are predicted closed now."""
-    return [each for each in changes if presence_state(each.before) is PresenceState.OPEN]
-
-
-def returned_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
-    """Return the edges that were predicted closed and are predicted open now."""
-    return [each for each in changes if presence_state(each.now) is PresenceState.OPEN]
+    coloured = [*((edge, CLOSED) for edge in closed), *((edge, RETURNED) for edge in returned)]
+    known = ((a, b, colour) for (a, b), colour in coloured if a in poses and b in poses)
+    return tuple(stroke(poses[a], poses[b], colour) for a, b, colour in known)

@@ -5,6 +5,7 @@ The images of the nodes come from the live map, or from a recording, where they 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,20 +14,18 @@ from ltvn_core import palette
 from ltvn_core.analysis.answer import PROBABILITY, Axis, Inline, Link, StepChart, Strong, Term, joined
 from ltvn_core.analysis.localisation_confidence import (
     LocalisationHeatMap,
-    LocalisationMargins,
     PerceptualAlias,
     features_of,
     find_perceptual_aliases,
     localisation_heat_map,
-    localisation_margins,
 )
-from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import Localised
 from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Observation, Predictor
@@ -77,7 +76,6 @@ class LocalisationQuestion(Question[FindAliases]):
         """Start without a comparison."""
         self._node_images = NodeImageLoader()
         self._heat = LatestAnswer()
-        self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
         self._asked: tuple[object, ...] | None = None
 
     def is_offered(self, context: DebugContext) -> bool:
@@ -139,40 +137,35 @@ class LocalisationQuestion(Question[FindAliases]):
             return found
         return None
 
-    def _past_margins(self, context: DebugContext, builder: AnswerBuilder) -> None:
+    @staticmethod
+    def _past_margins(context: DebugContext, builder: AnswerBuilder) -> None:
         """Show the results of the run itself, for each localisation."""
-        run = context.timeline, context.known_events
-        if self._margins[0] != run:
-            self._margins = run, localisation_margins(context.timeline.events)
-        localizations = self._margins[1]
-        until = int(np.searchsorted(localizations.steps, context.step, "right"))
-        rows = range(max(0, until - _SHOWN_LOCALIZATIONS), until)
-        if not rows:
+        until = context.timeline.count_until(context.instant)
+        events = reversed(context.timeline.events[:until])
+        latest = islice((each for each in events if isinstance(each.event, Localised)), _SHOWN_LOCALIZATIONS)
+        margins = [
+            (context.seconds(Instant(int(each.step), float(each.stamp))), float(each.event.margin))
+            for each in reversed([*latest])
+            if isinstance(each.event, Localised)
+        ]
+        if not margins:
             return
-        looks = "look" if len(rows) == 1 else f"{len(rows)} looks"
+        looks = "look" if len(margins) == 1 else f"{len(margins)} looks"
         told = " that the robot found, from earlier images and its search area too, in the last "
         builder.add_line(Term("margin", "Margin of best over second"), f"{told}{looks}:")
-        times = [context.seconds(Instant(int(localizations.steps[k]), float(localizations.stamps[k]))) for k in rows]
-        points = [(time, min(1.0, float(localizations.margins[k]))) for time, k in zip(times, rows, strict=True)]
         now_s = context.seconds(context.instant)
         builder.add_chart(
             StepChart(
-                tuple(points),
-                Axis("time, s", times[0], max(now_s, times[0] + 1.0)),
+                tuple((time, min(1.0, margin)) for time, margin in margins),
+                Axis("time, s", margins[0][0], max(now_s, margins[0][0] + 1.0)),
                 Axis("margin (1 and above)", *PROBABILITY),
                 colour=palette.SOURCE,
                 limits=((_SMALL, "below: ambiguous"),),
                 now=now_s,
             )
         )
-        self._smallest(localizations, rows, times, builder)
-
-    @staticmethod
-    def _smallest(
-        localizations: LocalisationMargins, rows: range, times: Sequence[float], builder: AnswerBuilder
-    ) -> None:
-        small = sorted((float(localizations.margins[k]), time) for k, time in zip(rows, times, strict=True))
-        links = [time_link(time, f"{margin:.2f} at {time:.1f} s") for margin, time in small[:_SMALLEST]]
+        small = sorted((margin, time) for time, margin in margins)[:_SMALLEST]
+        links = (time_link(time, f"{margin:.2f} at {time:.1f} s") for margin, time in small)
         builder.add_line("Smallest: ", joined(links))
 
     def _perceptual_aliases(self, context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:

@@ -234,11 +234,11 @@ def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeI
         counted = []
         silent = []
         for row in group:
-            if row.attempt in changes and row.changed_belief:
+            if row.number in changes and row.changed_belief:
                 counted.append(row)
-                yield _attempt_step(row, *changes[row.attempt], ids)
-            elif row.succeeded is None:
-                text = f"Attempt {row.attempt} in query {query} has not ended."
+                yield _attempt_step(row, *changes[row.number], ids)
+            elif row.ended is None:
+                text = f"Attempt {row.number} in query {query} has not ended."
                 yield ExplanationStep(text, row.begin, ExplanationKind.ATTEMPT, ids)
             else:
                 silent.append(row)
@@ -255,10 +255,10 @@ def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeI
 
 def _silent_text(rows: list[EdgeAttempt], counted: list[EdgeAttempt], query: int) -> str:
     """Return how many attempts of a query did not change the belief, and the rule behind that if there is one."""
-    failed = sum(not row.succeeded for row in rows)
+    failed = sum(row.record.failed for row in rows)
     how_many = count_text(len(rows), "more attempt" if counted else "attempt")
     of_these = f" ({failed} failed)" if failed else ""
-    is_repeated = failed and any(row.succeeded is False for row in counted)
+    is_repeated = failed and any(row.record.failed for row in counted)
     rule = ": of several failures in a query only the first counts" if is_repeated else ""
     return f"{how_many} along it in query {query}{of_these} did not change its belief{rule}."
 
@@ -266,11 +266,12 @@ def _silent_text(rows: list[EdgeAttempt], counted: list[EdgeAttempt], query: int
 def _attempt_step(
     row: EdgeAttempt, before: TimedBelief, after: TimedBelief, ids: tuple[NodeId, ...]
 ) -> ExplanationStep:
-    failure = "failed (cut)" if row.end is None else row.end.failure
-    verdict = "succeeded" if row.succeeded else failure
+    ended = row.ended
+    verdict = "failed (cut)" if ended is None else "succeeded" if ended.succeeded else ended.end.failure
+    reason = "it has not ended" if ended is None else ended.reason
     change = f"p from {before.belief.p:.2f} to {after.belief.p:.2f}"
-    text = f"Attempt {row.attempt} in query {row.query} {verdict}: {row.reason}; {change}."
-    return ExplanationStep(text, row.ended or row.begin, ExplanationKind.ATTEMPT, ids)
+    text = f"Attempt {row.number} in query {row.query} {verdict}: {reason}; {change}."
+    return ExplanationStep(text, row.record.end or row.begin, ExplanationKind.ATTEMPT, ids)
 
 
 def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:

@@ -5,7 +5,6 @@ of the image; the centre of the first pixel is (0.5, 0.5). Makes no text (see `a
 drawing.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -15,9 +14,8 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import AttemptEnd, Collided, Localised
-from ltvn_core.types import FrameId, NodeId, Waypoint
+from ltvn_core.navigation.events import AttemptEnded, Collided
+from ltvn_core.types import NodeId, Waypoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,36 +70,36 @@ class EdgeLifetime:
         return None if first.attempts else first.belief.p
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeAttempt:
+class EdgeAttempt(NamedTuple):
     """An attempt along the edge."""
 
-    attempt: int
-    query: int
-    begin: Instant
-    localised: Localised | None
-    """Localisation before the attempt."""
-    departure: FrameId
-    """The image at the start of the attempt."""
-    waypoint: d.PoseRow
-    """The target in the frame of that image, x_m, y_m, yaw_rad."""
-    departure_reachability: float
-    arrival: FrameId | None
-    """The image at the end of the attempt. It is None, like all results below, while the attempt is in progress, or if
-    the recording ends before."""
-    end: AttemptEnd | None
-    ended: Instant | None
-    succeeded: bool | None
-    reason: str
-    distance: float | None
-    """d from that image to the target."""
-    reachability: float | None
-    collisions: int
+    record: AttemptRecord
+    """The attempt; without its verdict while it is in progress, or if the recording ends before."""
     only_this_edge: bool
     """Whether the attempt drove this edge alone. Otherwise it continued past the end of the edge, and its success is
     weaker evidence."""
     changed_belief: bool
     """Whether the attempt changed the belief; a repeated failure in the same query does not."""
+
+    @property
+    def number(self) -> int:
+        """Number of the attempt."""
+        return self.record.started.attempt
+
+    @property
+    def query(self) -> int:
+        """Number of its query."""
+        return self.record.started.query
+
+    @property
+    def begin(self) -> Instant:
+        """The instant of its start."""
+        return self.record.begin
+
+    @property
+    def ended(self) -> AttemptEnded | None:
+        """Its verdict; None without one."""
+        return self.record.ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,15 +133,20 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
     changes = [change for change in timeline.changes_of_edge(source, target) if change.event < count]
     belief_changes = {(change.query, change.attempt) for change in changes if isinstance(change.delta, d.BeliefUpdated)}
     begun = (attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count)
-    attempts = [attempt if until is None else _known_at(timeline, attempt, until) for attempt in begun]
-    rows = tuple(_row(attempt, (source, target), belief_changes) for attempt in attempts)
+    attempts = [
+        EdgeAttempt(
+            attempt if until is None else _known_at(timeline, attempt, until),
+            only_this_edge=(attempt.started.source, attempt.started.target) == (source, target),
+            changed_belief=(attempt.started.query, attempt.started.attempt) in belief_changes,
+        )
+        for attempt in begun
+    ]
     plans = [plan for plan in timeline.plans if plan.event < count and (source, target) in plan.edges]
-    lifetimes = _lifetimes(timeline, source, target, count)
     return EdgeHistory(
         source=source,
         target=target,
-        lifetimes=lifetimes,
-        attempts=rows,
+        lifetimes=_lifetimes(timeline, source, target, count),
+        attempts=tuple(attempts),
         planned_at=tuple(plan.instant for plan in plans),
     )
 
@@ -180,8 +183,11 @@ class _OpenLifetime:
 
 
 def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -> tuple[EdgeLifetime, ...]:
+    """Walk over the changes of an edge and the removals of its nodes before event number `count`."""
+    ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
+    dropped = [change for change in ends if isinstance(change.delta, d.NodeDropped)]
     lifetimes: list[_OpenLifetime] = []
-    for change in _concerning(timeline, source, target):
+    for change in sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event):
         if change.event < count:
             _end_with_its_map(lifetimes, timeline, change.epoch)
             _take_change(lifetimes, change)
@@ -190,56 +196,21 @@ def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -
     return tuple(life.finished() for life in lifetimes)
 
 
-def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapChange]:
-    """Return the changes of an edge and the removals of its nodes, in order."""
-    ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
-    dropped = [change for change in ends if isinstance(change.delta, d.NodeDropped)]
-    return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
-
-
 def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
+    """Take in a change; one that does not fit is skipped, as the recording is damaged, or its beginning is missing."""
     last = next((life for life in lifetimes[-1:] if life.end is None), None)
-    delta = change.delta
-    match delta:
-        case d.EdgeAdded() if last is None:
-            edge = delta.edge
-            first = TimedBelief(
-                instant=change.instant,
-                belief=edge.belief,
-                attempts=edge.attempts,
-                successes=edge.successes,
-                cause=delta.cause,
-                attempt=None,
-            )
+    match change.delta:
+        case d.EdgeAdded(edge, cause) if last is None:
+            first = TimedBelief(change.instant, edge.belief, edge.attempts, edge.successes, cause, attempt=None)
             lifetimes.append(_OpenLifetime(addition=change, edge=edge, beliefs=[first]))
-        case d.BeliefUpdated() if last is not None:
-            last.beliefs.append(
-                TimedBelief(
-                    instant=change.instant,
-                    belief=delta.belief,
-                    attempts=delta.attempts,
-                    successes=delta.successes,
-                    cause=delta.cause,
-                    attempt=change.attempt,
-                )
-            )
-        case d.EdgePruned() if last is not None:
-            last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=None, attempt=change.attempt)
-        case d.NodeDropped() if last is not None:
-            last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=delta.node, attempt=None)
-        case d.EdgeAdded() | d.BeliefUpdated() | d.EdgePruned() | d.NodeDropped():
-            return  # The change does not fit: the recording is damaged, or its beginning is missing.
-        case (
-            d.NodeAdded()
-            | d.EdgeProtected()
-            | d.EdgeActionSet()
-            | d.PresenceObserved()
-            | d.NodeNamed()
-            | d.DriveBegun()
-            | d.FramesReserved()
-            | d.FramesReleased()
-        ):
-            return
+        case d.BeliefUpdated(_, _, belief, attempts, successes, cause) if last is not None:
+            last.beliefs.append(TimedBelief(change.instant, belief, attempts, successes, cause, change.attempt))
+        case d.EdgePruned(cause=cause) if last is not None:
+            last.end = EdgeRemoval(change.instant, cause, node=None, attempt=change.attempt)
+        case d.NodeDropped(node, cause) if last is not None:
+            last.end = EdgeRemoval(change.instant, cause, node, attempt=None)
+        case _:
+            pass
 
 
 def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch: int) -> None:
@@ -249,32 +220,6 @@ def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch:
         lifetimes[-1].end = EdgeRemoval(
             instant=first.instant, cause=first.delta.cause, node=None, attempt=None, whole_map=True
         )
-
-
-def _row(
-    attempt: AttemptRecord, edge: EdgeKey, belief_changes: Collection[tuple[int | None, int | None]]
-) -> EdgeAttempt:
-    started = attempt.started
-    ended = attempt.ended
-    return EdgeAttempt(
-        attempt=started.attempt,
-        query=started.query,
-        begin=attempt.begin,
-        localised=attempt.localised,
-        departure=started.frame,
-        waypoint=started.waypoint,
-        departure_reachability=started.reachability,
-        arrival=ended.frame if ended else None,
-        end=ended.end if ended else None,
-        ended=attempt.end,
-        succeeded=ended.succeeded if ended else None,
-        reason=ended.reason if ended else "it has not ended",
-        distance=ended.distance if ended else None,
-        reachability=ended.reachability if ended else None,
-        collisions=attempt.collisions,
-        only_this_edge=(started.source, started.target) == edge,
-        changed_belief=(started.query, started.attempt) in belief_changes,
-    )
 
 
 _NEAREST_M = 0.05

@@ -62,55 +62,31 @@ class _SetbackTracker:
         """The first setback from which the robot has not recovered so far."""
         self._cheapest = inf
         self._cheapest_before = inf
-        self._node: NodeId | None = None
+        self.node: NodeId | None = None
+        """Last node at which the robot was localised so far."""
         self._edge: EdgeKey | None = None
 
     def take(self, index: int, event: Event) -> None:
         if isinstance(event, GraphChanged):
             return  # A change of the map is only the consequence of a setback.
         if isinstance(event, Localised):
-            self._node = self._node if event.node is None else event.node
+            self.node = self.node if event.node is None else event.node
             self._edge = None
         elif isinstance(event, AttemptStarted):
             self._edge = None if event.source is None else (event.source, event.target)
         elif isinstance(event, Planned) and event.nodes:
-            self._nearer(event.cost)
+            if self.setback is not None and event.cost < self._cheapest_before - _NEARER:
+                self.setback = None
+            self._cheapest = min(self._cheapest, event.cost)
         description = describe_event(event)
         if description.severity is Severity.INFO:
             return
-        setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self._node)
+        setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self.node)
         if isinstance(event, Collided):
             self.collisions.append(setback)
         if self.setback is None:
             self.setback = setback
             self._cheapest_before = self._cheapest
-
-    def _nearer(self, cost: float) -> None:
-        if self.setback is not None and cost < self._cheapest_before - _NEARER:
-            self.setback = None
-        self._cheapest = min(self._cheapest, cost)
-
-
-def first_setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
-    """Return the first setback from which a query never recovered, None if there is none; linear in its events."""
-    return _tracked(timeline, query).setback
-
-
-def worst_collision(timeline: Timeline, query: QueryRecord) -> Setback | None:
-    """Return the first collision at the node with the most collisions of a query; None without collisions.
-
-    Collisions are counted even if the robot recovered from them. Linear in the events of the query.
-    """
-    collisions = _tracked(timeline, query).collisions
-    counts = Counter(collision.node for collision in collisions)
-    return max(collisions, key=lambda collision: counts[collision.node], default=None)
-
-
-def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
-    watch = _SetbackTracker()
-    for index in range(query.first, query.last + 1):
-        watch.take(index, timeline.events[index].event)
-    return watch
 
 
 class FailureMode(StrEnum):
@@ -200,74 +176,51 @@ def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) ->
     groups: list[list[FailedQuery]] = []
     for failure in failures:
         near = (group for group in groups if _same_place(group[0], failure, radius_m))
-        group = next(near, None)
-        if group is None:
-            groups.append([failure])
-        else:
-            group.append(failure)
-    return tuple(_place(group) for group in sorted(groups, key=lambda group: -len(group)))
+        if (group := next(near, None)) is None:
+            groups.append(group := [])
+        group.append(failure)
+    clusters = []
+    for group in sorted(groups, key=lambda group: -len(group)):
+        nodes = dict.fromkeys(failure.node for failure in group if failure.node is not None)
+        clusters.append(FailureCluster(tuple(nodes), group[0].pose, tuple(group)))
+    return tuple(clusters)
 
 
 def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
-    setback = _setback(timeline, query) or Setback(
-        event=query.last, text=_ending(query), edge=None, node=_last_node(timeline, query)
-    )
-    return FailedQuery(
-        query=query,
-        failure_mode=_failure_mode(timeline.events[setback.event].event),
-        instant=_second_before(timeline, query, setback.event),
-        event=setback.event,
-        text=setback.text,
-        edge=setback.edge,
-        node=setback.node,
-        pose=_pose_of(timeline, query, setback.node),
-    )
-
-
-def _setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
-    if query.outcome is Outcome.ARRIVED:
-        return None  # The robot was sure that it had arrived.
-    worst = worst_collision(timeline, query) if query.outcome is Outcome.COLLISION_LIMIT else None
-    return worst or first_setback(timeline, query)
-
-
-def _ending(query: QueryRecord) -> str:
-    off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
-    return f"The query ended: {query.outcome}{off}."
-
-
-def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:
-    events = reversed(timeline.events[query.first : query.last + 1])
-    looks = (stamped.event for stamped in events if isinstance(stamped.event, Localised))
-    return next((look.node for look in looks if look.node is not None), None)
-
-
-def _second_before(timeline: Timeline, query: QueryRecord, event: int) -> Instant:
-    """Return the instant one second before an event, or the beginning of the query if that is later."""
-    begin = query.begin
-    then = timeline.instant(event)
-    seconds = then.stamp - begin.stamp
-    rate = (then.step - begin.step) / seconds if seconds > 0 else _STEPS_PER_S
-    step = then.step - round(rate * _BEFORE_S)
-    return max(begin, Instant(step, then.stamp - _BEFORE_S))
-
-
-def _pose_of(timeline: Timeline, query: QueryRecord, node: NodeId | None) -> PoseRow | None:
-    came = () if node is None else timeline.changes_of_node(node)
+    watch = _SetbackTracker()
+    for index in range(query.first, query.last + 1):
+        watch.take(index, timeline.events[index].event)
+    setback = watch.setback
+    if query.outcome is Outcome.COLLISION_LIMIT and watch.collisions:
+        # The first collision at the node with the most, even if the robot recovered from it.
+        counts = Counter(collision.node for collision in watch.collisions)
+        setback = max(watch.collisions, key=lambda collision: counts[collision.node])
+    if setback is None or query.outcome is Outcome.ARRIVED:  # The robot was sure that it had arrived.
+        off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
+        setback = Setback(query.last, f"The query ended: {query.outcome}{off}.", edge=None, node=watch.node)
+    came = () if setback.node is None else timeline.changes_of_node(setback.node)
     poses = [
         change.delta.node.odometry
         for change in came
         if isinstance(change.delta, NodeAdded) and change.epoch == query.epoch
     ]
-    return poses[-1] if poses else None
+    begin, then = query.begin, timeline.instant(setback.event)
+    seconds = then.stamp - begin.stamp
+    rate = (then.step - begin.step) / seconds if seconds > 0 else _STEPS_PER_S
+    second_before = Instant(then.step - round(rate * _BEFORE_S), then.stamp - _BEFORE_S)
+    return FailedQuery(
+        query=query,
+        failure_mode=_failure_mode(timeline.events[setback.event].event),
+        instant=max(begin, second_before),
+        event=setback.event,
+        text=setback.text,
+        edge=setback.edge,
+        node=setback.node,
+        pose=poses[-1] if poses else None,
+    )
 
 
 def _same_place(first: FailedQuery, other: FailedQuery, radius_m: float) -> bool:
     if first.pose is None or other.pose is None or first.query.epoch != other.query.epoch:
         return (first.node, first.query.epoch) == (other.node, other.query.epoch)
     return hypot(first.pose.x_m - other.pose.x_m, first.pose.y_m - other.pose.y_m) <= radius_m
-
-
-def _place(group: list[FailedQuery]) -> FailureCluster:
-    nodes = dict.fromkeys(failure.node for failure in group if failure.node is not None)
-    return FailureCluster(tuple(nodes), group[0].pose, tuple(group))

@@ -95,7 +95,7 @@ class EdgePresencePart:
 
 
 def _add_unseen(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    blocked = sum(each.end in OBSTRUCTED_ENDS for each in story.attempts)
+    blocked = sum(each.ended is not None and each.ended.end in OBSTRUCTED_ENDS for each in story.attempts)
     if blocked:
         met = f"An obstacle blocked it in {count_text(blocked, 'attempt')}"
         if context.presence_filter is None:

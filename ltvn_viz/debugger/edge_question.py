@@ -232,15 +232,13 @@ def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, .
 
 
 def _attempt(context: DebugContext, row: EdgeAttempt) -> tuple[Inline, ...]:
-    at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
-    numbers = map(_number, (row.distance, row.reachability))
-    return (time_link(context.seconds(row.begin)), at, Hint(_result(row), row.reason), *numbers)
-
-
-def _result(row: EdgeAttempt) -> str:
-    if row.succeeded is None or row.end is None:
-        return "under way"
-    return "success" if row.succeeded else row.end.failure
+    localised, ended = row.record.localised, row.ended
+    at = "–" if localised is None or localised.node is None else str(localised.node)
+    begin = time_link(context.seconds(row.begin))
+    if ended is None:
+        return begin, at, Hint("under way", "it has not ended"), "–", "–"
+    result = Hint("success" if ended.succeeded else ended.end.failure, ended.reason)
+    return begin, at, result, _number(ended.distance), _number(ended.reachability)
 
 
 def _where(waypoint: Waypoint) -> str:

@@ -19,21 +19,17 @@ LENS = LOCOBOT.camera
 
 def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
     rows = edge_history(runs.timeline(), 1, 2).attempts
-    assert [(row.attempt, row.query, row.succeeded, row.changed_belief) for row in rows] == [
-        (2, 0, False, True),
-        (3, 0, False, False),
-        (4, 1, False, True),
+    assert [(row.number, row.query, row.record.failed, row.changed_belief) for row in rows] == [
+        (2, 0, True, True),
+        (3, 0, True, False),
+        (4, 1, True, True),
     ]
-    first = rows[0]
-    assert (first.departure, first.arrival, first.end, first.distance, first.reachability) == (
-        40,
-        60,
-        AttemptEnd.COLLISION,
-        0.9,
-        0.1,
-    )
+    first, ended = rows[0].record, rows[0].ended
     assert first.localised is not None
-    assert (first.localised.node, first.collisions, first.only_this_edge) == (1, 1, True)
+    assert ended is not None
+    assert (first.started.frame, ended.frame, ended.end) == (40, 60, AttemptEnd.COLLISION)
+    assert (ended.distance, ended.reachability) == (0.9, 0.1)
+    assert (first.localised.node, first.collisions, rows[0].only_this_edge) == (1, 1, True)
 
 
 def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> None:

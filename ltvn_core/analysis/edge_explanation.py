@@ -216,16 +216,13 @@ def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
         f"Edge {history.source} -> {history.target} was added {cause}{origin} with {belief_text(first.belief)}{driven}."
     )
     yield ExplanationStep(text, life.added_at, ExplanationKind.BORN, ids)
-    yield from _attempt_steps(life, _within(history, life), ids)
-
-
-def _within(history: EdgeHistory, life: EdgeLifetime) -> list[EdgeAttempt]:
     until = life.end.instant.step if life.end else None
-    return [
+    rows = [
         row
         for row in history.attempts
         if life.added_at.step <= row.begin.step and (not until or row.begin.step <= until)
     ]
+    yield from _attempt_steps(life, rows, ids)
 
 
 def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeId, ...]) -> Iterator[ExplanationStep]:

@@ -3,7 +3,7 @@
 Owns the counts. `analysis.map_comparison` compares the map before and after a dip.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -57,18 +57,8 @@ class LifelongSuccess:
     def until(self, step: FrameId) -> "LifelongSuccess":
         """Return the rows of the queries that had ended at a step, and the dips whose lowest row had been reached."""
         over = sum(end.step <= step for end in self.ends)
-        return LifelongSuccess(
-            queries=self.queries[:over],
-            ends=self.ends[:over],
-            succeeded=self.succeeded[:over],
-            success=self.success[:over],
-            nodes=self.nodes[:over],
-            edges=self.edges[:over],
-            pruned=self.pruned[:over],
-            nodes_added=self.nodes_added[:over],
-            edges_added=self.edges_added[:over],
-            dips=tuple(dip for dip in self.dips if dip.after.step <= step),
-        )
+        columns = {each.name: getattr(self, each.name)[:over] for each in fields(self) if each.name != "dips"}
+        return LifelongSuccess(**columns, dips=tuple(dip for dip in self.dips if dip.after.step <= step))
 
 
 def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float = 0.2) -> LifelongSuccess:

@@ -121,12 +121,8 @@ class GraphHistory:
                 self._cut((source, target), cause, stamp)
             case d.EdgeActionSet(source, target, action):
                 self._set_action(self._edge_rows.get((source, target)), action)
-            case d.NodeAdded():
-                pass  # The node is there already.
-            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.DriveBegun():
-                pass  # This change is not drawn.
-            case d.FramesReserved() | d.FramesReleased():
-                pass
+            case _:
+                pass  # The node is there already, or the change is not drawn.
 
     def clear(self) -> None:
         """Remove all nodes and edges as of the next change, because another map begins with it."""
@@ -329,27 +325,17 @@ class MapHistory:
 
     def _file_change(self, change: MapChange) -> None:
         match change.delta:
-            case d.EdgeAdded(edge=edge):
-                self._by_edge.setdefault((edge.source, edge.target), []).append(change)
             case (
-                d.BeliefUpdated(source=source, target=target)
+                d.EdgeAdded(edge=d.Edge(source=source, target=target))
+                | d.BeliefUpdated(source=source, target=target)
                 | d.EdgePruned(source=source, target=target)
                 | d.PresenceObserved(source=source, target=target)
             ):
                 self._by_edge.setdefault((source, target), []).append(change)
-            case d.NodeAdded(node=node):
-                self._by_node.setdefault(node.id, []).append(change)
-            case d.NodeDropped(node=node):
+            case d.NodeAdded(node=d.Node(id=node)) | d.NodeDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
-            case (
-                d.EdgeProtected()
-                | d.EdgeActionSet()
-                | d.NodeNamed()
-                | d.DriveBegun()
-                | d.FramesReserved()
-                | d.FramesReleased()
-            ):
-                pass  # These are never looked up by edge or node.
+            case _:
+                pass  # The others are never looked up by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:
         kept = {**self._kept, place: replay}

@@ -9,7 +9,6 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,10 +88,6 @@ class MappingAdvice:
     """A pose in the odometry frame to drive to; None if any direction is equally good."""
 
 
-_Hint: TypeAlias = tuple[Finding, PoseRow | None]
-"""Where to drive next and why, and the pose to drive to."""
-
-
 def advise_mapping(
     graph: TopologicalGraph, steps: Sequence[FrameId], poses: Pose, current: Matches | None = None
 ) -> MappingAdvice:
@@ -151,23 +146,17 @@ def one_sided_places(poses: Pose) -> tuple[OneSidedPlace, ...]:
     histograms = np.bincount(owner.ravel() * HEADING_SECTORS + sector, minlength=len(counts) * HEADING_SECTORS).reshape(
         -1, HEADING_SECTORS
     )
-    sums = [np.bincount(owner.ravel(), weights, len(counts)) for weights in _weights(poses)]
+    weights = (poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2]))
+    sums = [np.bincount(owner.ravel(), each, len(counts)) for each in weights]
+    seen = histograms > 0
+    apart = range(_OPPOSITE, HEADING_SECTORS - _OPPOSITE + 1)
+    other_sides = np.any([seen & np.roll(seen, shift, axis=1) for shift in apart], axis=(0, 2))
     found = []
-    for k in np.flatnonzero((counts >= _MIN_IMAGES) & ~_other_sides(histograms > 0)):
+    for k in np.flatnonzero((counts >= _MIN_IMAGES) & ~other_sides):
         x, y, cos, sin = (float(each[k]) for each in sums)
         count = int(counts[k])
         found.append(OneSidedPlace(x_m=x / count, y_m=y / count, yaw_rad=float(np.arctan2(sin, cos)), images=count))
     return tuple(found)
-
-
-def _weights(poses: Pose) -> tuple[NDArray[np.float64], ...]:
-    return poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2])
-
-
-def _other_sides(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (C,) whether any two sectors of (C, 8) that were seen look to different sides."""
-    apart = range(_OPPOSITE, HEADING_SECTORS - _OPPOSITE + 1)
-    return np.any([seen & np.roll(seen, shift, axis=1) for shift in apart], axis=(0, 2))
 
 
 def _driven_m(nodes: NDArray[np.int64], steps: NDArray[np.int64], poses: Pose) -> NDArray[np.float64]:
@@ -221,68 +210,38 @@ def _hint(
     missing_closures: Sequence[MissingLoopClosure],
     places: Sequence[OneSidedPlace],
     novelty: float | None,
-) -> _Hint:
-    """Return the gap to close first: gaps that make goals unreachable come before gaps that only add detail."""
+) -> tuple[Finding, PoseRow | None]:
+    """Return the gap to close first, and the pose to drive to: gaps that make goals unreachable come before gaps that
+    only add detail."""
     if not len(poses):
-        return _told("Drive a little, so that there is something to see."), None
+        return Finding("Drive a little, so that there is something to see.", Severity.INFO), None
     here = poses[-1]
-    hints = (
-        _join(graph, here, components),
-        _close(graph, here, missing_closures),
-        _go_on(here, novelty),
-        _turn_round(here, places),
-    )
-    return next((hint for hint in hints if hint is not None), _elsewhere(here, poses))
-
-
-def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[NodeId]]) -> _Hint | None:
-    """Return a hint to the nearest node of another large component; None if there is only one large component."""
     worth = [component for component in components if len(component) >= _STRAY]
-    if len(worth) < 2:
-        return None
-    nearest = [min((_apart(graph, here, node), node) for node in component) for component in worth]
-    gap, node = sorted(nearest)[1]
-    target = graph.nodes[node].odometry
-    way = "Drive from there back to where you are" if gap < _HERE_M else f"Drive to node {node}, {_way(here, target)}"
-    remedy = f"{way}, with the camera facing forward, so that the pieces join."
-    return _told(f"The map is in {len(worth)} pieces.", remedy), target
-
-
-def _close(graph: TopologicalGraph, here: Pose, missing_closures: Sequence[MissingLoopClosure]) -> _Hint | None:
-    """Return a hint to the nearest place with an open loop; None if there is none."""
-    if not missing_closures:
-        return None
-    loop = min(missing_closures, key=lambda each: _apart(graph, here, each.first))
-    target = graph.nodes[loop.first].odometry
-    text = f"Nodes {loop.first} and {loop.second} are the same place on two visits, but no edge joins them."
-    return _told(text, f"Drive through it again, {_way(here, target)}."), target
-
-
-def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
-    """Return a hint to look the other way at the nearest place seen from one side; None if there is none."""
-    if not sides:
-        return None
-    place = min(sides, key=lambda each: math.hypot(each.x_m - here[0], each.y_m - here[1]))
-    target = PoseRow(place.x_m, place.y_m, float(wrap_angle(place.yaw_rad + math.pi)))
-    remedy = f"Look the other way there, {_way(here, target)}."
-    return _told("One place was seen from one side only.", remedy), target
-
-
-def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
-    """Return a hint to continue if the current view is new; None if it is known."""
-    if novelty is None or 1 - novelty > _KNOWN:
-        return None
-    target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])
-    remedy = "Continue slowly, so that the next images join it to the map."
-    return _told("This view is new.", remedy), pose_row(target)
-
-
-def _elsewhere(here: Pose, poses: Pose) -> _Hint:
-    """Return a hint to the edge of the driven area, where something new is most likely."""
-    middle = poses[:, :2].mean(axis=0)
-    rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
-    target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
-    return _told("All is well here.", f"Drive beyond what you have seen, {_way(here, target)}."), target
+    if len(worth) >= 2:
+        gap, node = sorted(min((_apart(graph, here, node), node) for node in component) for component in worth)[1]
+        text, target = f"The map is in {len(worth)} pieces.", graph.nodes[node].odometry
+        way = f"Drive to node {node}, {_way(here, target)}"
+        way = "Drive from there back to where you are" if gap < _HERE_M else way
+        remedy = f"{way}, with the camera facing forward, so that the pieces join."
+    elif missing_closures:
+        loop = min(missing_closures, key=lambda each: _apart(graph, here, each.first))
+        text = f"Nodes {loop.first} and {loop.second} are the same place on two visits, but no edge joins them."
+        target = graph.nodes[loop.first].odometry
+        remedy = f"Drive through it again, {_way(here, target)}."
+    elif novelty is not None and 1 - novelty <= _KNOWN:
+        text, remedy = "This view is new.", "Continue slowly, so that the next images join it to the map."
+        target = pose_row(here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0]))
+    elif places:
+        place = min(places, key=lambda each: math.hypot(each.x_m - here[0], each.y_m - here[1]))
+        target = PoseRow(place.x_m, place.y_m, float(wrap_angle(place.yaw_rad + math.pi)))
+        text, remedy = "One place was seen from one side only.", f"Look the other way there, {_way(here, target)}."
+    else:
+        # At the edge of the driven area something new is most likely.
+        middle = poses[:, :2].mean(axis=0)
+        rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
+        target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
+        text, remedy = "All is well here.", f"Drive beyond what you have seen, {_way(here, target)}."
+    return Finding(text, Severity.INFO, remedy), target
 
 
 def _apart(graph: TopologicalGraph, here: Pose, node: NodeId) -> float:
@@ -303,7 +262,3 @@ def _way(here: Pose, target: PoseRow) -> str:
     elif abs(bearing) > 155:
         side = "behind you"
     return f"{away:.1f} m away {side}"
-
-
-def _told(text: str, remedy: str = "") -> Finding:
-    return Finding(text, Severity.INFO, remedy)

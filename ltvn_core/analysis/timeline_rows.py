@@ -8,7 +8,7 @@ look. Each event takes constant time.
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, MarkKind, PlanRecord, QueryRecord
 from ltvn_core.graph import deltas as d
@@ -16,8 +16,6 @@ from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.events import (
-    ActionBegun,
-    ActionEnded,
     AttemptEnded,
     AttemptStarted,
     Collided,
@@ -25,12 +23,9 @@ from ltvn_core.navigation.events import (
     GraphChanged,
     Judged,
     Localised,
-    Note,
     Planned,
     QueryEnded,
     QueryStarted,
-    StateChanged,
-    WorldChanged,
 )
 from ltvn_core.types import NodeId
 from ltvn_core.worlds import DoorMoved, PersonLeft, PersonMoved
@@ -93,19 +88,8 @@ def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMar
             return EventMark(MarkKind.DOOR_OPENED if is_open else MarkKind.DOOR_CLOSED, (door,))
         case e.WorldChanged(change=change):
             return None if isinstance(change, PersonMoved | PersonLeft) else EventMark(MarkKind.WORLD)
-        case (
-            e.StateChanged()
-            | e.Localised()
-            | e.Planned()
-            | e.AttemptStarted()
-            | e.AttemptEnded()
-            | e.ActionBegun()
-            | e.ActionEnded()
-            | e.Judged()
-            | e.Note()
-        ):
+        case _:
             return None
-    assert_never(event)
 
 
 def _mark_of_change(delta: d.GraphDelta) -> EventMark | None:
@@ -120,17 +104,8 @@ def _mark_of_change(delta: d.GraphDelta) -> EventMark | None:
             return EventMark(MarkKind.ADD, (edge.source, edge.target))
         case d.PresenceObserved(source=source, target=target, present=present):
             return EventMark(MarkKind.SEEN_OPEN if present else MarkKind.SEEN_BLOCKED, (source, target))
-        case (
-            d.BeliefUpdated()
-            | d.EdgeProtected()
-            | d.EdgeActionSet()
-            | d.NodeNamed()
-            | d.DriveBegun()
-            | d.FramesReserved()
-            | d.FramesReleased()
-        ):
+        case _:
             return None
-    assert_never(delta)
 
 
 @dataclass(slots=True)
@@ -225,7 +200,7 @@ class TimelineRows:
                 self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
-            case Localised() | Collided() | StateChanged() | ActionBegun() | ActionEnded() | Note() | WorldChanged():
+            case _:
                 pass  # No row begins or ends with it.
 
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:

@@ -11,7 +11,6 @@ from ltvn_core import palette
 from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, PresenceChart, Strong
 from ltvn_core.analysis.edge_history import EdgeHistory
 from ltvn_core.analysis.edge_presence_history import (
-    ObservedPresence,
     PresenceState,
     PresenceStrip,
     expected_open_s,
@@ -142,14 +141,13 @@ def _state(p: float) -> Coloured:
 def _looks(context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> None:
     """Show the observations of this run, newest first, each with a link to its moment."""
     looks = observed_presence(context.timeline, *edge, context.instant)
-    rows = [_look(context, each) for each in reversed(looks[-_ROWS:])]
+    rows = []
+    for look in reversed(looks[-_ROWS:]):
+        how = "with the map" if look.cause == "load" else "on an attempt" if look.attempt is not None else "from afar"
+        seen = "open" if look.observation.present else "blocked"
+        when = clock_text(look.observation.stamp_s)
+        rows.append((when, seen, how, time_link(context.seconds(look.instant))))
     builder.add_table(("when", "seen", "learned", "moment"), rows)
-
-
-def _look(context: DebugContext, look: ObservedPresence) -> tuple[Inline, ...]:
-    how = "with the map" if look.cause == "load" else "on an attempt" if look.attempt is not None else "from afar"
-    seen = "open" if look.observation.present else "blocked"
-    return clock_text(look.observation.stamp_s), seen, how, time_link(context.seconds(look.instant))
 
 
 def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
@@ -231,7 +229,11 @@ class EdgeDecisionsPart:
         made = chosen[-1]
         _explain(context, made, self._latest, builder)
         _others(context, [each for each in found if each is not made], builder)
-        return _strokes_of(context, made)
+        return (
+            *context.strokes(itertools.pairwise(made.around.nodes), palette.PLAN),
+            *context.strokes(itertools.pairwise(made.through.nodes), palette.TARGET),
+            *context.strokes([made.edge], palette.EDGE_REMOVED),
+        )
 
     def _decisions(self, context: DebugContext) -> Sequence[PresenceDecision] | None:
         count = context.timeline.count_until(context.instant)
@@ -281,11 +283,3 @@ def _others(context: DebugContext, others: Sequence[PresenceDecision], builder: 
         for each in reversed(others[-_EARLIER:])
     ]
     builder.add_table(("before", "edge", "p open", "it"), rows)
-
-
-def _strokes_of(context: DebugContext, made: PresenceDecision) -> tuple[Stroke, ...]:
-    return (
-        *context.strokes(itertools.pairwise(made.around.nodes), palette.PLAN),
-        *context.strokes(itertools.pairwise(made.through.nodes), palette.TARGET),
-        *context.strokes([made.edge], palette.EDGE_REMOVED),
-    )

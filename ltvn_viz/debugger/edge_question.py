@@ -28,7 +28,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import count_text
-from ltvn_core.types import NodeId, Waypoint
+from ltvn_core.types import Waypoint
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_presence import EdgeDecisionsPart, EdgePresencePart, add_all_edges
 from ltvn_viz.debugger.edge_reasons import add_edge_reasons, add_node_reasons
@@ -107,7 +107,12 @@ class EdgeQuestion(Question[Never]):
         if node is None:
             builder.add_line(_HOW_TO_POINT)
         else:
-            _edges_of(context, node, builder)
+            builder.add_line(f"Node {node}. Choose one of its edges:")
+            graph, rows = context.graph, []
+            for target in sorted(graph.successors(node)) if node in graph.nodes else ():
+                edge = graph.edges[node, target]
+                rows.append((edge_link(node, target), f"{edge.belief.p:.2f}", edge.action or f"{edge.belief.mu:.2f}"))
+            builder.add_table(("edge", "p", "length (mu), or action"), rows)
             add_node_reasons(context, node, selection.before, builder)
         strokes = add_all_edges(context, builder) + self._decisions.add(context, None, builder)
         if node is None and not strokes:
@@ -122,20 +127,17 @@ class EdgeQuestion(Question[Never]):
             _add_prediction(context, story, builder)
             _add_beliefs(context, story, builder)
         add_later_changes(context, story, builder)
-        if story.lifetimes:
-            _add_attempts(context, story, builder)
+        if story.attempts and story.lifetimes:
+            builder.add_line(Strong("Attempts"))
+            rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
+            builder.add_table(("when", "from", "result", "d", "r"), rows)
+        elif story.lifetimes:
+            before = story.lifetimes[-1].beliefs[0].attempts
+            earlier = f"; {count_text(before, 'attempt')} were loaded with the map" if before else ""
+            builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
         add_edge_reasons(context, story, builder)
         self._presence.add_edge(context, story, builder)
         return _overlay(context, story, self._decisions.add(context, edge, builder))
-
-
-def _edges_of(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
-    builder.add_line(f"Node {node}. Choose one of its edges:")
-    rows = []
-    for target in sorted(context.graph.successors(node)) if node in context.graph.nodes else ():
-        edge = context.graph.edges[node, target]
-        rows.append((edge_link(node, target), f"{edge.belief.p:.2f}", edge.action or f"{edge.belief.mu:.2f}"))
-    builder.add_table(("edge", "p", "length (mu), or action"), rows)
 
 
 def _add_prediction(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
@@ -203,17 +205,6 @@ def _departed(end: EdgeRemoval) -> str:
     if end.attempt is not None:
         return f"because attempt {end.attempt} failed"
     return CAUSE_TEXTS[end.cause]
-
-
-def _add_attempts(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    if not story.attempts:
-        before = story.lifetimes[-1].beliefs[0].attempts
-        earlier = f"; {count_text(before, 'attempt')} were loaded with the map" if before else ""
-        builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
-        return
-    builder.add_line(Strong("Attempts"))
-    rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
-    builder.add_table(("when", "from", "result", "d", "r"), rows)
 
 
 def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, ...]) -> Overlay:

@@ -5,7 +5,7 @@ Owns the layout of the answer, and the curves of success, nodes and edges over q
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,11 +24,11 @@ from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
-from ltvn_core.types import FrameId, NodeId
+from ltvn_core.types import FrameId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection
@@ -256,16 +256,12 @@ def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
     nodes = {failure.node: palette.EDGE_REMOVED for failure in shown if failure.node is not None}
     if last is not None and last.node is not None:
         nodes[last.node] = palette.TARGET
-    return Overlay(tuple(strokes), nodes, labels=tuple(_labels(context, shown)))
-
-
-def _labels(context: DebugContext, shown: Sequence[FailedQuery]) -> list[Label]:
     labels = []
     for place in group_by_place(shown):
         pose = context.pose(place.nodes[0]) if place.nodes else None
         if pose is not None:
             labels.append(Label((float(pose[0]), float(pose[1])), f"{len(place.failures)} failed"))
-    return labels
+    return Overlay(tuple(strokes), nodes, labels=tuple(labels))
 
 
 def add_lifelong_curves(context: DebugContext, strip: LifelongSuccess, builder: AnswerBuilder) -> None:
@@ -335,53 +331,31 @@ def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]
     return [(edge, ends[edge]) for edge in ranked[:_EDGES]]
 
 
-@dataclass(frozen=True, slots=True)
-class MapFaults:
-    """The faults found in a map."""
-
-    contradicted: tuple[ContradictedEdge, ...]
-    gap: MapGap | None
-    """Gap in the map; None unless the query failed because there was no path."""
-
-
 def _add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
     """Report suspicious parts of the map at the beginning of the query; nothing if there are none."""
     graph = context.timeline.graph_before(failure.query.first)
     question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
-    faults: MapFaults | None = context.in_background(question, _search(graph, failure))
+    start = failure.node if failure.query.outcome is Outcome.NO_PATH else None
+
+    def search() -> tuple[tuple[ContradictedEdge, ...], MapGap | None]:
+        """Search for the faults; runs in the worker's thread."""
+        return contradicted_edges(graph), None if start is None else map_gap(graph, start, failure.query.goal)
+
+    faults: tuple[tuple[ContradictedEdge, ...], MapGap | None] | None = context.in_background(question, search)
     if faults is None:
         builder.add_pending("Searching the map")
         return
-    _contradicted(faults.contradicted, builder)
-    if faults.gap is not None:
-        _gap(faults.gap, builder)
-
-
-def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFaults]:
-    is_without_way = failure.query.outcome is Outcome.NO_PATH
-    start: NodeId | None = failure.node if is_without_way else None
-
-    def search() -> MapFaults:
-        """Search for the faults; runs in the worker's thread."""
-        gap = None if start is None else map_gap(graph, start, failure.query.goal)
-        return MapFaults(contradicted=contradicted_edges(graph), gap=gap)
-
-    return search
-
-
-def _contradicted(found: Sequence[ContradictedEdge], builder: AnswerBuilder) -> None:
-    if not found:
-        return
-    builder.add_line("Odometry contradicts edges of the first map: their ends may be two places that look alike.")
-    rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in found[:_MAP_ROWS]]
-    builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
-
-
-def _gap(gap: MapGap, builder: AnswerBuilder) -> None:
-    builder.add_line(
-        f"The first map has a gap: paths lead from node {gap.start} to {gap.reached} nodes, and from {gap.leading} "
-        f"other nodes to node {gap.goal}."
-    )
-    rows = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
-    if rows:
-        builder.add_table(("nearest across the gap", "d by odometry"), rows)
+    contradicted, gap = faults
+    if contradicted:
+        builder.add_line("Odometry contradicts edges of the first map: their ends may be two places that look alike.")
+        shown = contradicted[:_MAP_ROWS]
+        rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in shown]
+        builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
+    if gap is not None:
+        builder.add_line(
+            f"The first map has a gap: paths lead from node {gap.start} to {gap.reached} nodes, and from {gap.leading} "
+            f"other nodes to node {gap.goal}."
+        )
+        nearest = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
+        if nearest:
+            builder.add_table(("nearest across the gap", "d by odometry"), nearest)

@@ -27,7 +27,7 @@ from ltvn_core.worlds import WorldState
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link
-from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, stroke
 
 _SPURIOUS = 15
 _MISSING = 10
@@ -154,7 +154,10 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
     builder.add_chart(CalibrationChart(cells, palette.SOURCE))
     if judged.attempts is not None:
         builder.add_line(calibration_sentence(judged.attempts))
-    return builder.build(Overlay(strokes=_strokes(judged), nodes=nodes))
+    missing = [((pair.source, pair.target), palette.EDGE_ADDED) for pair in verdicts.missing]
+    wrong = [(key, palette.EDGE_REMOVED) for key in sorted(verdicts.spurious)]
+    strokes = [stroke(judged.poses[start], judged.poses[end], colour) for (start, end), colour in missing + wrong]
+    return builder.build(Overlay(strokes=tuple(strokes), nodes=nodes))
 
 
 def calibration_sentence(point: AttemptCalibration) -> str:
@@ -187,23 +190,15 @@ def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
     # Most missing edges are missing in both directions, so both share one row.
     pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
     rows = [
-        (edge_link(pair.source, pair.target), f"{pair.distance:.2f}", _way(pair))
+        (
+            edge_link(pair.source, pair.target),
+            f"{pair.distance:.2f}",
+            f"{pair.path:.1f}" if math.isfinite(pair.path) else "none, or far longer",
+        )
         for pair in list(reversed(pairs.values()))[:_MISSING]
     ]
     builder.add_table(("missing, in one or both directions", "apart", "path in the map"), rows)
 
 
-def _way(pair: MissingEdge) -> str:
-    return f"{pair.path:.1f}" if math.isfinite(pair.path) else "none, or far longer"
-
-
 def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.1%}"
-
-
-def _strokes(judged: JudgedMap) -> tuple[Stroke, ...]:
-    missing = [((pair.source, pair.target), palette.EDGE_ADDED) for pair in judged.verdicts.missing]
-    wrong = [(key, palette.EDGE_REMOVED) for key in sorted(judged.verdicts.spurious)]
-    return tuple(
-        stroke(judged.poses[source], judged.poses[target], colour) for (source, target), colour in missing + wrong
-    )

@@ -75,7 +75,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
         if not context.is_live:
             back = Link("go back to the robot", Ask(Action.CLOSE))
             builder.add_line("A recording cannot be changed; ", back, " to change the map.")
-        elif not _is_now(context):
+        elif context.timeline.count_until(context.instant) < len(context.timeline.events):
             builder.add_line("This is the past. ", Link("Go to now", Seek(_NOW_S)), " to change the map.")
         elif self._connecting is not None:
             input_hint = _ask_for_action(self._connecting, builder)
@@ -90,7 +90,9 @@ class ManualEditQuestion(Question[ConnectByAction]):
         if not context.is_live or self._connecting is None:
             raise OptionError("Click two nodes of the live map, and follow the link that connects them by an action.")
         connecting, self._connecting = self._connecting, None
-        return EditMap(_connection(context.graph, connecting, text))
+        source, target = connecting.edge
+        ways = [(source, target), (target, source)] if connecting.both_ways else [(source, target)]
+        return EditMap(tuple(each for way in ways for each in connect_by_action(context.graph, *way, text)))
 
     def handle_request(self, context: DebugContext, request: ConnectByAction) -> None:
         """Ask for an action."""
@@ -109,10 +111,6 @@ class ManualEditQuestion(Question[ConnectByAction]):
             builder.add_table(("when", "changed by hand", ""), rows)
         else:
             builder.add_line("Nothing was changed by hand.")
-
-
-def _is_now(context: DebugContext) -> bool:
-    return context.timeline.count_until(context.instant) == len(context.timeline.events)
 
 
 def _about_pair(graph: TopologicalGraph, selection: Selection) -> Iterator[Link]:
@@ -139,12 +137,6 @@ def _ask_for_action(connecting: ConnectByAction, builder: AnswerBuilder) -> str:
     label = f"{'☑' if both else '☐'} both ways"
     builder.add_line(request_link(label, ConnectByAction(connecting.edge, both_ways=not both)))
     return f"Action from {source} to {target}"
-
-
-def _connection(graph: TopologicalGraph, connecting: ConnectByAction, action: str) -> tuple[d.GraphDelta, ...]:
-    source, target = connecting.edge
-    there = connect_by_action(graph, source, target, action)
-    return (*there, *connect_by_action(graph, target, source, action)) if connecting.both_ways else there
 
 
 def _done(timeline: Timeline) -> Iterator[ManualEdit]:

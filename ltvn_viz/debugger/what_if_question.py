@@ -27,7 +27,7 @@ from ltvn_core.analysis.what_if_changes import (
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay, clock_text
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
@@ -132,7 +132,12 @@ class WhatIfQuestion(Question[WhatIfRequest]):
 
     @staticmethod
     def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
-        offers = [*_about_edge(context.graph, selection), *_about_node(selection)]
+        offers: list[WhatIfChange] = []
+        if (edge := selection.edge or selection.pair) is not None:
+            known = (WithoutEdge(*edge), WithBelief(*edge, p=0.1), WithBelief(*edge, p=0.9))
+            offers += known if edge in context.graph.edges else (WithEdge(*edge),)
+        if selection.node is not None:
+            offers += WithGoal(selection.node), WithStart(selection.node)
         if offers:
             builder.add_line("What if: ", joined(map(_offer, offers)))
         else:
@@ -221,19 +226,6 @@ def _say_when_it_was(context: DebugContext, changes: Sequence[WhatIfChange], bui
 
 def _offer(change: WhatIfChange) -> Link:
     return request_link(format_what_if_change(change), ImagineChange(change))
-
-
-def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[WhatIfChange, ...]:
-    edge = selection.edge or selection.pair
-    if edge is None:
-        return ()
-    if edge not in graph.edges:
-        return (WithEdge(*edge),)
-    return WithoutEdge(*edge), WithBelief(*edge, p=0.1), WithBelief(*edge, p=0.9)
-
-
-def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
-    return () if selection.node is None else (WithGoal(selection.node), WithStart(selection.node))
 
 
 def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:

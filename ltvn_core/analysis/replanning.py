@@ -104,7 +104,9 @@ def moment_at(timeline: Timeline, instant: Instant | None = None, graph: Topolog
     count = timeline.count_until(instant)
     progress = timeline.progress_before(count)
     graph = timeline.graph_before(count) if graph is None else graph
-    now_s = world_time_before(timeline, count) if instant is None else world_time_at(timeline, instant)
+    now_s = 0.0
+    if graph.presence:  # Without it nothing depends on the time, which is found by walking back over the events.
+        now_s = world_time_before(timeline, count) if instant is None else world_time_at(timeline, instant)
     localised = progress.localised
     return Moment(
         graph=graph,
@@ -206,12 +208,14 @@ class PlanDifference:
     @property
     def removed_edges(self) -> tuple[EdgeKey, ...]:
         """Edges that only the old path has, in order."""
-        return tuple(part.edge for part in self.old.edges if part.edge not in itertools.pairwise(self.new.path.nodes))
+        kept = {part.edge for part in self.new.edges}
+        return tuple(part.edge for part in self.old.edges if part.edge not in kept)
 
     @property
     def added_edges(self) -> tuple[EdgeKey, ...]:
         """Edges that only the new path has, in order."""
-        return tuple(part.edge for part in self.new.edges if part.edge not in itertools.pairwise(self.old.path.nodes))
+        known = {part.edge for part in self.old.edges}
+        return tuple(part.edge for part in self.new.edges if part.edge not in known)
 
     @property
     def sentence(self) -> str:

@@ -265,7 +265,8 @@ def shown_on(bar: "tqdm[NoReturn]") -> "Callable[[Progress], None]":
 
     def show(found: "Progress") -> None:
         if bar.total is None:  # What earlier calls finished tells nothing about the speed.
-            bar.total, bar.initial, bar.n = found.all_rows, found.rows, found.rows
+            bar.total = found.all_rows
+            bar.initial = bar.n = bar.last_print_n = found.rows
         bar.update(found.rows - bar.n)
         ready = f"{found.drives} drives, {found.weights} weights, {found.maps} maps of {found.all_maps} ready"
         bar.set_postfix_str(ready if found.maps < found.all_maps else "")

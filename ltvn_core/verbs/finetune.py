@@ -54,14 +54,14 @@ class FinetuneVerb(Verb):
 
     def run(self) -> Summary:
         """Fine-tune, evaluate and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
+        check_options(self)
+        if self.predictor != "network":
+            return finetune_calibration(self)
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
         from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
         from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
         from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
 
-        check_options(self)
-        if self.predictor != "network":
-            return finetune_calibration(self)
         rule = OdometryLabelRule(horizon=self.horizon, gated=not self.literal)
         plan = FineTuningPlan(minutes=self.minutes)
         if self.minutes < _SHORT_MINUTES:  # Evaluating on all pairs would take longer than training.

@@ -11,7 +11,7 @@ const LANES_PX = [3, 6]; // The edges of a bundle lie so far apart, the fewer th
 const BUNDLE_PX = 120; // and together they are no wider than this, if that leaves enough for each.
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
-const HEADING_ROUNDS = 60;
+const MOST_ROUNDS = 2000; // Of headings that push each other aside.
 const HELD_PART = 0.3; // An edge that was spread under the pointer is taken before any other edge.
 const SAME_PX = 8; // Nodes that are no farther apart stand at one place.
 const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
@@ -94,7 +94,7 @@ function spreadHeadings(nodes) {
   const least = HEADING_PX / radius;
   const sorted = nodes.map(({ id, yaw }) => ({ id, yaw: yaw - 2 * Math.PI * Math.floor(yaw / (2 * Math.PI)) }));
   sorted.sort((one, other) => one.yaw - other.yaw);
-  for (let round = 0; round < HEADING_ROUNDS; round++) {
+  for (let round = 0; round < Math.min(nodes.length ** 2, MOST_ROUNDS); round++) {
     for (const [k, one] of sorted.entries()) {
       const isLast = k + 1 === sorted.length;
       const other = sorted[isLast ? 0 : k + 1];

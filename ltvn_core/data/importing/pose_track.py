@@ -93,7 +93,7 @@ class PoseTrack:
         is_exact = after < len(self.stamps) and self.stamps[after] == stamp
         if is_exact or not 0 < after < len(self.stamps) or np.ptp(self.stamps[around]) > self._largest_gap_s:
             place = after if is_exact else int(np.argmin(np.abs(self.stamps - stamp)))
-            if abs(self.stamps[place] - stamp) > _BESIDE_S:
+            if not abs(self.stamps[place] - stamp) <= _BESIDE_S:
                 return None
             return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
         before_s, after_s = self.stamps[around]

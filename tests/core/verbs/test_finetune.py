@@ -1,6 +1,8 @@
 """`ltvn finetune` says what a recording, a folder or an option lacks, and overwrites nothing."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -23,6 +25,18 @@ from ltvn_core.verbs.verb import to_json
 from tests.core.network.training_data.example_drive import observations_at, poses_along
 from tests.core.predictors.textured_room import TexturedRoom
 
+WITHOUT_TORCH = """
+import sys
+from ltvn_core.cli import main
+
+class NoTorch:
+    def find_spec(self, name, *_):
+        if name == "torch":
+            raise ModuleNotFoundError(name=name)
+
+sys.meta_path.insert(0, NoTorch())
+sys.exit(main(sys.argv[1:]))
+"""
 WAY = poses_along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3))
 
 
@@ -50,6 +64,14 @@ def test_a_dataset_folder_that_holds_nothing_is_named(recording: Path, tmp_path:
         SimulatedPairs(tmp_path / "nowhere").load(
             read_labelled_drive(recording, OdometryLabelRule(horizon=8)), ignore_progress, with_validation_drives=False
         )
+
+
+def test_the_calibration_of_the_geometric_predictor_needs_no_torch(tmp_path: Path) -> None:
+    arguments = ["finetune", "gone.rrd", "--output", "tuned.json", "--predictor", "geometric"]
+    ran = subprocess.run(
+        [sys.executable, "-c", WITHOUT_TORCH, *arguments], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert "no file gone.rrd" in ran.stderr
 
 
 def test_an_output_of_another_run_stays(recording: Path, tmp_path: Path) -> None:

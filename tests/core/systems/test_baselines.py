@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -36,6 +37,7 @@ from ltvn_core.systems.temporal_closeness import (
 from ltvn_core.systems.temporal_distance import EDGE_STEPS, reachability_of_steps, temporal_distances
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
+from tests.repository import DEMO_DRIVE
 
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7), (2.0, 0.7)]
 IMAGES = list(tour(ROUND, spins=False))
@@ -205,3 +207,9 @@ def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list
         )
         assert episode.reached, episode
     robot.close()
+
+
+@pytest.fixture(scope="module", name="images")
+def demo_drive() -> list[Observation]:
+    recording = Recording.open(DEMO_DRIVE)
+    return [recording.observation(frame) for frame in recording.frames[:240]]

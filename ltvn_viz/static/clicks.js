@@ -7,8 +7,10 @@ let pressedControl = null; // Our control where the pointer went down.
 let pressedAt = { x: 0, y: 0 }; // Where the pointer went down, in pixels.
 let focusedControl = null; // Selector of our control that has the focus, which viser may draw anew.
 
-function controlOf(target) {
-  return target instanceof Element ? target.closest("[data-ltvn-action]") : null;
+const PRESSED = "[data-ltvn-action], [data-ltvn-toggle]";
+
+function controlOf(target, kind = "[data-ltvn-action]") {
+  return target instanceof Element ? target.closest(kind) : null;
 }
 
 function onClick(event) {
@@ -22,17 +24,17 @@ function onClick(event) {
 // A panel may be drawn anew between press and release; the browser then reports no click.
 function onPress({ target, button, clientX, clientY }) {
   pressedAt = { x: clientX, y: clientY };
-  pressedControl = button === 0 ? controlOf(target) : null;
+  pressedControl = button === 0 ? controlOf(target, PRESSED) : null;
 }
 
 function onRelease({ clientX, clientY }) {
   if (pressedControl === null || pressedControl.isConnected) return;
-  const control = controlOf(document.elementFromPoint(clientX, clientY));
+  const control = controlOf(document.elementFromPoint(clientX, clientY), PRESSED);
   if (control !== null && isSameControl(control, pressedControl)) control.click();
 }
 
 function isSameControl(one, other) {
-  return ["ltvnAction", "id", "text"].every((name) => one.dataset[name] === other.dataset[name]);
+  return ["ltvnAction", "ltvnToggle", "id", "text"].every((name) => one.dataset[name] === other.dataset[name]);
 }
 
 // viser greys its own controls while its socket is lost, and hides them from the pointer.

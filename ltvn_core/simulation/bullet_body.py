@@ -60,9 +60,9 @@ class BulletBody:
     @property
     def in_contact(self) -> bool:
         """Whether the body is in contact with an obstacle now."""
-        # Bullet also lists pairs that are merely close, with a positive distance.
         if self._is_settled:
             return False
+        # Bullet also lists pairs that are merely close, with a positive distance.
         contacts = pybullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
         return bool(contacts) and any(contact[8] < CONTACT_GAP_M for contact in contacts)
 

@@ -248,9 +248,9 @@ def _say(plans: PlanDifference, changes: Sequence[WhatIfChange], builder: Answer
     if source is None or goal is None:
         return
     builder.add_line(f"From {source} to {goal}: ", Strong(plans.sentence))
-    before, after = ({each.edge for each in plan.edges} for plan in (old, new))
-    rows = [_row("old", each) for each in old.edges if each.edge not in after]
-    rows += [_row("new", each) for each in new.edges if each.edge not in before]
+    removed, added = set(plans.removed_edges), set(plans.added_edges)
+    rows = [_row("old", each) for each in old.edges if each.edge in removed]
+    rows += [_row("new", each) for each in new.edges if each.edge in added]
     if not rows:
         known = {each.edge: each for each in old.edges}
         rows = [_row("now", each) for each in new.edges if known.get(each.edge) != each]

@@ -11,7 +11,7 @@ const LANES_PX = [3, 6]; // The edges of a bundle lie so far apart, the fewer th
 const BUNDLE_PX = 120; // and together they are no wider than this, if that leaves enough for each.
 const ALONG_SINE = 0.08; // Edges whose directions differ by less, and that lie so near, are on one line.
 const ALONG_PX = 5;
-const MOST_ROUNDS = 2000; // Of headings that push each other aside.
+const [MOST_ROUNDS, STILL_RAD] = [2000, 1e-4]; // Headings push each other aside so often, until they hardly move.
 const HELD_PART = 0.3; // An edge that was spread under the pointer is taken before any other edge.
 const SAME_PX = 8; // Nodes that are no farther apart stand at one place.
 const NODE_HEIGHT_M = 0.14; // As `NODE_Z` in `layers`.
@@ -94,11 +94,14 @@ function spreadHeadings(nodes) {
   const least = HEADING_PX / radius;
   const sorted = nodes.map(({ id, yaw }) => ({ id, yaw: yaw - 2 * Math.PI * Math.floor(yaw / (2 * Math.PI)) }));
   sorted.sort((one, other) => one.yaw - other.yaw);
-  for (let round = 0; round < Math.min(nodes.length ** 2, MOST_ROUNDS); round++) {
+  let pushed = Infinity;
+  for (let round = 0; round < MOST_ROUNDS && pushed > STILL_RAD; round++) {
+    pushed = 0;
     for (const [k, one] of sorted.entries()) {
       const isLast = k + 1 === sorted.length;
       const other = sorted[isLast ? 0 : k + 1];
       const push = Math.max(0, least - (other.yaw + (isLast ? 2 * Math.PI : 0) - one.yaw)) / 2;
+      pushed = Math.max(pushed, push);
       one.yaw -= push;
       other.yaw += push;
     }

@@ -171,7 +171,7 @@ class PlanHands:
         return self._found(about, points, seen), points
 
     def points_of_edge(self, edge: EdgeKey) -> list[Point]:
-        """Return points along an edge, to the right of the line between its nodes.
+        """Return points along an edge, on the line between its nodes and on both sides of it.
 
         The pointer moves there first: what lies at one place is spread where the pointer is.
         """

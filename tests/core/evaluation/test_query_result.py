@@ -13,11 +13,6 @@ from tests.repository import ROOT
 
 MEASURED = ROOT / "docs/measurements"
 
-OLD_ROBOT_LINE = (
-    '{"phase": "queries", "number": 3, "goal": 14, "outcome": "arrived", "reached": true, "judged_by": "truth", '
-    '"away_m": 0.2, "path_m": 4.5, "seconds": 31.0, "pruned": 1, "added": 4}'
-)
-
 
 def test_stored_results_of_all_kinds_are_read() -> None:
     (static,) = read_runs([MEASURED / "evaluation/apartment-70-0/ltvn/rows.jsonl.gz"])

@@ -34,7 +34,7 @@ TICKS_PX = (24.0, 20.0, 8.0, 5.0, 0.0)
 """So far from a node's middle, along its heading, one points at it."""
 ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8)
 LANE_PX, BUNDLE_PX = 1.5, 3.0
-LANES = sorted(range(-60, 61), key=abs)
+LANES = sorted(range(-30, 31), key=abs)
 FAN_PX = 40
 """Headings at one place are spread so far from it."""
 OUTSIDE = (5.0, 5.0)
@@ -239,7 +239,7 @@ class PlanHands:
 
 def around(middle: NDArray[np.float64]) -> Iterator[Point]:
     """Return points of a disc in the window, from its middle outwards."""
-    places = [(dx, dy) for dx in range(-FAN_PX, FAN_PX + 1, 2) for dy in range(-FAN_PX, FAN_PX + 1, 2)]
+    places = [(dx, dy) for dx in range(-FAN_PX, FAN_PX + 1, 3) for dy in range(-FAN_PX, FAN_PX + 1, 3)]
     for dx, dy in sorted(places, key=lambda place: math.hypot(*place)):
         yield float(middle[0]) + dx, float(middle[1]) + dy
 

@@ -76,7 +76,7 @@ class Asking:
 
 @pytest.fixture
 def asking(tmp_path: Path) -> Iterator[Asking]:
-    with serving(tmp_path, lease_s=None) as app:
+    with serving(tmp_path) as app:
         until_shown(app, lambda now: bool(now.gallery))
         with open_live_page(app.server) as page:
             page.take_seat()

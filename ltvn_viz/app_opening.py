@@ -15,7 +15,7 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.data.importing.played_drive import open_robot
+from ltvn_core.data.importing.played_drive import PlayedDrive, open_robot
 from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.data.recording.metadata import RecordingMetadata
@@ -143,6 +143,7 @@ def open_app_state(
         alignment=None if options.floor_plan is None else FloorPlanClicks(options.floor_plan),
         link=_link(backend),
         open_loop=open_loop_word(backend.robot),
+        played=backend.robot if isinstance(backend.robot, PlayedDrive) else None,
         build_options=BuildOptions(
             preset=options.preset,
             system=options.system,
@@ -201,6 +202,8 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
     if options.predictor == "oracle":
         raise OptionError("The oracle knows only simulated scenes; use another predictor with your own robot.")
     robot = open_robot(options.robot)
+    if isinstance(robot, PlayedDrive):
+        robot.wait()  # The session plays it as soon as somebody looks.
     stack.callback(getattr(robot, "close", robot.stop))
     return robot
 

@@ -47,12 +47,17 @@ class Timeline:
         """Return the timeline of a recording, from its events and its images as (step, stamp_s, pose (3,)).
 
         Never raises for events that are cut, incomplete or out of order; `notes` describes these defects. Images of a
-        map that was loaded before the run give the poses of its nodes, but do not count as driven. Linear in both.
+        map that was loaded before the run give the poses of its nodes, but do not count as driven. In a file that holds
+        a map alone they do, so that the drive it was built from can be seen, with the map from its first image on.
+        Linear in both.
         """
         timeline = cls()
         arrived = list(events)
         loaded = _loaded_until(arrived)
         columns = list(zip(*frames, strict=True))
+        if columns and max(columns[0]) <= loaded:
+            arrived = [each._replace(step=columns[0][0], stamp=columns[1][0]) for each in arrived]
+            loaded = -1
         if columns:
             timeline.frames.extend(*columns, placed_until=loaded)
         timeline._fold(sorted(arrived, key=_step), _late_count(arrived))

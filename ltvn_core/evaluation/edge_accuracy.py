@@ -1,9 +1,9 @@
-"""The edges of a map against the ground truth: precision, recall, and the calibration of p over attempts.
+"""The edges of a map against the ground truth: precision, recall, the calibration of p over attempts, and waypoints.
 
 `ground_truth` decides which edges are drivable, and has the calibration of a whole map at one time.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,13 +19,17 @@ from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import cost_matrix
+from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, StampedEvent
 from ltvn_core.simulation.oracle_predictor import is_drivable
-from ltvn_core.types import NodeId, Pose
+from ltvn_core.types import NodeId, Pose, Waypoint
 
 DETOUR_RATIO = 3.0
 """Ratio of the path through the map to the straight line above which an edge is missing (ours)."""
+LEADS_ELSEWHERE_M = 0.5
+LEADS_ELSEWHERE_RAD = float(np.deg2rad(20))
+"""Errors of a waypoint, in metres and radians, beyond which its edge leads elsewhere (ours)."""
 _SEARCHES_PER_CALL = 256
 """Number of source nodes per call of the shortest-path search, which limits its memory."""
 
@@ -80,6 +84,20 @@ def edge_accuracy(
         precision=1 - len(spurious) / len(edges) if edges else None,
         recall=1 - len(missing) / len(pairs) if pairs else None,
     )
+
+
+def waypoint_errors(edges: Collection[Edge], pose_of: Callable[[NodeId], Pose]) -> Waypoint:
+    """Return the true poses (E, 3) of the ends of edges of any length, seen from where their waypoints say.
+
+    `pose_of` returns the true pose (3,) of a node.
+    """
+    ends = np.array([(pose_of(edge.source), pose_of(edge.target)) for edge in edges]).reshape(-1, 2, 3)
+    return relative(np.array([edge.waypoint for edge in edges]).reshape(-1, 3), relative(ends[:, 0], ends[:, 1]))
+
+
+def leads_elsewhere(errors: Waypoint) -> NDArray[np.bool_]:
+    """Return which edges (E,) lead elsewhere by their `waypoint_errors` (E, 3)."""
+    return (np.hypot(errors[:, 0], errors[:, 1]) > LEADS_ELSEWHERE_M) | (np.abs(errors[:, 2]) > LEADS_ELSEWHERE_RAD)
 
 
 def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Iterator[MissingEdge]:

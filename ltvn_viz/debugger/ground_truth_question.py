@@ -1,19 +1,29 @@
-"""Truth: in simulation, which edges are false, which are missing, and whether p is calibrated."""
+"""Truth: in simulation, which edges are false, which are missing, and whether p is calibrated.
+
+Of a place without a model only the true poses of the images are known: they tell which edges lead elsewhere.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Never
+
+import numpy as np
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import CalibrationChart, Key, Strong
-from ltvn_core.errors import MapError
+from ltvn_core.errors import MapError, SceneError
 from ltvn_core.evaluation.edge_accuracy import (
+    LEADS_ELSEWHERE_M,
+    LEADS_ELSEWHERE_RAD,
     AttemptCalibration,
     MissingEdge,
     attempt_calibration,
     calibration_attempts,
     edge_accuracy,
+    leads_elsewhere,
+    waypoint_errors,
 )
 from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
 from ltvn_core.evaluation.ground_truth import GroundTruth, calibration_bins
@@ -21,7 +31,7 @@ from ltvn_core.evaluation.results import EdgeCalibrationBin
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, StampedEvent
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
-from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.simulation.scene_registry import check_scene, load_scene
 from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_core.worlds import WorldState
 from ltvn_viz.debugger.background_cache import LatestAnswer
@@ -52,7 +62,10 @@ class GroundTruthQuestion(Question[Never]):
 
     name = QuestionName.TRUTH
     word = QuestionName.TRUTH.word
-    about = "In simulation: edges that cannot be driven, edges that are missing, and whether p is right."
+    about = (
+        "By true poses: edges that lead elsewhere; in simulation, those that cannot be driven or are missing, and "
+        "whether p is right."
+    )
 
     def __init__(self) -> None:
         """Start without an answer."""
@@ -77,6 +90,8 @@ class GroundTruthQuestion(Question[Never]):
         if (why_not := _unknown(context)) is not None:
             builder.add_line(why_not)
             return builder.build()
+        if not _is_simulated(context.scene):
+            return _show_waypoints(builder, context, selection)
         self._latest.about((context.name, context.scene))
         events = context.timeline.events[: context.timeline.count_until(context.instant)]
         poses = _poses(context, events)
@@ -92,6 +107,49 @@ class GroundTruthQuestion(Question[Never]):
             return builder.build()
         builder.add_behind(self._latest)
         return _show(builder, judged, selection)
+
+
+@lru_cache
+def _is_simulated(scene: str) -> bool:
+    try:
+        check_scene(scene)
+    except SceneError:
+        return False
+    return True
+
+
+def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Selection) -> QuestionAnswer:
+    """Compare the waypoints of the edges with true poses; nothing is known of walls, so of ways that are missing."""
+    poses = _poses(context, ())
+    edges = [edge for edge in context.graph.driven_edges.values() if {edge.source, edge.target} <= poses.keys()]
+    if not edges:
+        builder.add_line("No edge of the map joins two images whose true poses are known.")
+        return builder.build()
+    errors = waypoint_errors(edges, poses.__getitem__)
+    away_m, turned_deg = np.hypot(errors[:, 0], errors[:, 1]), np.degrees(np.abs(errors[:, 2]))
+    wrong = sorted(np.flatnonzero(leads_elsewhere(errors)).tolist(), key=lambda row: -away_m[row])
+    limits = f"more than {LEADS_ELSEWHERE_M} m or {math.degrees(LEADS_ELSEWHERE_RAD):.0f}°"
+    builder.add_line(Key(palette.EDGE_REMOVED, f"lead elsewhere, by {limits}: {len(wrong)} of {len(edges)} edges"))
+    builder.add_line(
+        *("The waypoints are wrong by ", Strong(f"{np.median(away_m):.2f} m"), " in the median and by "),
+        f"{np.quantile(away_m, 0.9):.2f} m at the 90th percentile. Walls are unknown: this place has no model.",
+    )
+    nodes = builder.add_selected_edge(selection)
+    if wrong:
+        rows = [
+            (
+                edge_link(edge.source, edge.target),
+                f"{edge.belief.p:.2f}",
+                f"{away_m[row]:.2f}",
+                f"{turned_deg[row]:.0f}",
+            )
+            for row in wrong[:_SPURIOUS]
+            for edge in [edges[row]]
+        ]
+        builder.add_table(("leads elsewhere", "p", "off by m", "and by °"), rows)
+    ends = [(poses[edges[row].source], poses[edges[row].target]) for row in wrong]
+    strokes = tuple(stroke(start, end, palette.EDGE_REMOVED) for start, end in ends)
+    return builder.build(Overlay(strokes=strokes, nodes=nodes))
 
 
 def _unknown(context: DebugContext) -> str | None:

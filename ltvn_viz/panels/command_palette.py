@@ -122,6 +122,8 @@ def _missing(action: Action, snapshot: Snapshot) -> str:
             return "the map was not rebuilt"
         case Action.BUILD if snapshot.is_making:
             return "another recording is being made"
+        case Action.PLAY_DRIVE if not snapshot.plays_drive:
+            return "the robot is no recorded drive"
         case Action.GOAL if snapshot.is_open_loop:
             return "a recorded drive obeys no command"
         case Action.PUT_BOX | Action.UNDO_CHANGE | Action.WATCH_IT_LEARN if snapshot.world is None:

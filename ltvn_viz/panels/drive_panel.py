@@ -35,6 +35,7 @@ class DrivePanel:
         HtmlBlock(gui, f'<div class="lt lt-note">{about}</div>')
         self.recording = HtmlBlock(gui)
         self.map = HtmlBlock(gui)
+        self.played = HtmlBlock(gui)
         self.counts = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -58,6 +59,8 @@ class DrivePanel:
         is_building = snapshot.mode is Mode.BUILDING
         beside = (cancel,) if is_building else (undo,) if snapshot.can_undo_build and not recorded else ()
         self.map.show(button_row(build, *beside))
+        play = ActionButton(Action.PLAY_DRIVE, is_enabled=snapshot.mode is Mode.TELEOP)
+        self.played.show(button_row(play) if snapshot.plays_drive else "")
         self.counts.show(_counts(snapshot))
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol, TypeAlias
 
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.data.importing.played_drive import PlayedDrive
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.navigation.events import Severity
@@ -154,6 +155,8 @@ class AppState:
     """The link to a real robot that reports its state; None in simulation."""
     open_loop: str = ""
     """Reason why the robot obeys no command; empty if it does."""
+    played: PlayedDrive | None = None
+    """The recorded drive in the robot's place; None for a robot."""
     story: StoryTeller | None = None
     """The current story, or the last one."""
     search: object | None = None

@@ -174,6 +174,12 @@ def _keep_going(state: AppState, switch: int) -> None:
     state.keeps_going = bool(switch)
 
 
+def _play_drive(state: AppState) -> None:
+    if state.played is None:
+        raise OptionError("There is no recorded drive in the robot's place to play again.")
+    state.played.play()
+
+
 def _stop(state: AppState) -> None:
     if state.open_loop:
         state.say(state.open_loop, Severity.WARN)
@@ -357,6 +363,7 @@ _ALONE: Mapping[c.Action, Callable[[AppState], None]] = {
     c.Action.CANCEL: _cancel,
     c.Action.PAUSE: _pause,
     c.Action.STEP: _step,
+    c.Action.PLAY_DRIVE: _play_drive,
     c.Action.CLOSE: _close,
     c.Action.SEEK_BACK: lambda state: seek_by(state, -SEEK_S),
     c.Action.SEEK_FORWARD: lambda state: seek_by(state, SEEK_S),

@@ -89,6 +89,7 @@ class SnapshotBuilder:
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             is_open_loop=bool(state.open_loop),
+            plays_drive=state.played is not None,
             message=state.message,
             floor_plan=None if state.alignment is None else state.alignment.view,
             fine_tuning=_learning(state),

@@ -103,8 +103,10 @@ function extent() {
   if (floor !== null) return [...floor.low, ...floor.high];
   const places = [...plan.nodes.values()].map(({ x, y }) => [x, y]).concat(plan.course);
   if (places.length === 0) return bounds;
-  const [xs, ys] = [0, 1].map((axis) => places.map((place) => place[axis]));
-  const least = (all) => all.reduce((a, b) => Math.min(a, b)) - 1;
-  const most = (all) => all.reduce((a, b) => Math.max(a, b)) + 1;
-  return [least(xs), least(ys), most(xs), most(ys)];
+  const [[x0, x1], [y0, y1]] = [0, 1].map((axis) => {
+    const along = places.map((place) => place[axis]);
+    return [along.reduce((a, b) => Math.min(a, b)), along.reduce((a, b) => Math.max(a, b))];
+  });
+  const rim = Math.min(Math.max(0.1 * Math.max(x1 - x0, y1 - y0), 0.15), 1);
+  return [x0 - rim, y0 - rim, x1 + rim, y1 + rim];
 }

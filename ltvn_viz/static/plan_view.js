@@ -2,7 +2,7 @@
 // is one press away. The keys beside the map.
 
 const MARGIN_PX = 14;
-const MOST_SCALE = 600;
+const MOST_SCALE = 1500;
 const FOLLOW_SHARE = 0.3; // The robot is kept out of so much of the view at each side.
 const STORED_VIEW = "ltvn-view";
 const STORED_FOLDS = "ltvn-folds";

@@ -63,6 +63,7 @@ class Action(StrEnum):
     END_ACTION = "end_action"
     PAUSE = "pause"
     STEP = "step"
+    PLAY_DRIVE = "play_drive"
     KEEP_GOING = "keep_going"
     OPEN = "open"
     IMPORT = "import"

@@ -127,6 +127,9 @@ WISHES: Mapping[Action, Wish] = {
     ),
     Action.PAUSE: Wish(c.UNDER_WAY | c.REPLAYING, "Pause", "pause, or continue", keys=("KeyP",)),
     Action.STEP: Wish(c.UNDER_WAY, "Step", "one control step, then pause", keys=("Period",)),
+    Action.PLAY_DRIVE: Wish(
+        c.DRIVING, "Play the drive again", "play the drive in the robot's place from its beginning"
+    ),
     Action.KEEP_GOING: Wish(
         c.ANYWHERE,
         "Keep going when this page closes",

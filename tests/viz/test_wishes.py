@@ -249,6 +249,11 @@ def tries_world(asking: Asking) -> None:
         asking.hears(Action.PLAY, None, "now")  # The same words again would be no new message.
 
 
+@fulfils(Action.PLAY_DRIVE)
+def tries_a_recorded_drive(asking: Asking) -> None:
+    asking.hears(Action.PLAY_DRIVE, None, "no recorded drive")
+
+
 @fulfils(Action.ALIGN_PLAN, Action.POINT_ON_PLAN, Action.UNDO_PLAN_CLICK, Action.USE_ALIGNMENT)
 def tries_the_floor_plan(asking: Asking) -> None:
     asking.hears(Action.ALIGN_PLAN, None, "no floor plan")

@@ -9,6 +9,7 @@ files, and `frame_preparation` fits the camera.
 import logging
 import math
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -102,7 +103,7 @@ class PlayedDrive:
     """A drive as a robot. Implements `ltvn_core.robots.robot.Robot`.
 
     Its clock starts with the second observation: opening a robot takes one observation, and the rest of the program may
-    take long to start. At the end the last image stays.
+    take long to start. Whoever calls `wait` starts it by `play`. At the end the last image stays.
     """
 
     def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
@@ -116,13 +117,15 @@ class PlayedDrive:
             "goals. `ltvn robot check --map` shows where the drive went."
         )
         """Reason why commands have no effect."""
-        self.odometry, frames = frames_with_odometry(reader)
-        """Source of its odometry."""
-        posed = ((raw, self.odometry.pose(FrameMoment.of(raw))) for raw in frames)
-        self._frames = ((drive.mounted(raw), pose) for raw, pose in posed if pose is not None)
+        self.odometry, self._frames = self._frames_of(reader)
+        """Source of its odometry, and its frames with their poses."""
+        self.is_waiting = False
+        """Whether the drive stands at its first image until `play`."""
         self._lock = threading.RLock()
         self._looks = 0
-        self._begun_s = 0.0
+        self._was_over = False
+        self._begun_s: float | None = None
+        """Time at which the clock started; None before that."""
         self._told = False
         self._observation, self._seen_s = self._first()
         self._newest: tuple[RawFrame, Pose] | None = None
@@ -140,13 +143,34 @@ class PlayedDrive:
         """Whether the last image was observed."""
         with self._lock:
             self._play()
-            return self._looks > 1 and self._newest is None and self._next is None
+            return self._begun_s is not None and self._newest is None and self._next is None
+
+    def take_end(self) -> bool:
+        """Return whether the drive has ended since the last call."""
+        was_over, self._was_over = self._was_over, self.is_over
+        return self._was_over and not was_over
+
+    def wait(self) -> None:
+        """Stand at the first image until `play`."""
+        self.is_waiting = True
+
+    def play(self) -> None:
+        """Play the drive from its beginning; steps and time go on. Raises DriveError if it cannot be read any more."""
+        with self._lock:
+            if self._begun_s is not None:
+                _, self._frames = self._frames_of(self._drive.open())
+                self._newest, self._next = None, next(self._frames, None)
+                if self._next is not None:
+                    self._seen_s = self._next[0].stamp - self._now_s
+            else:
+                self._begun_s = self.clock.now()
+            self.is_waiting = self._was_over = False
 
     def observe(self) -> Observation:
         """Return the latest image that is due at the recorded pace."""
         with self._lock:
             self._looks += 1
-            if self._looks == 2:
+            if self._looks == 2 and not self.is_waiting:
                 self._begun_s = self.clock.now()
             self._play()
             if self._newest is not None:
@@ -178,7 +202,12 @@ class PlayedDrive:
     @property
     def _now_s(self) -> float:
         """Seconds since the first image."""
-        return self.clock.now() - self._begun_s if self._looks > 1 else 0.0
+        return 0.0 if self._begun_s is None else self.clock.now() - self._begun_s
+
+    def _frames_of(self, reader: DriveReader) -> tuple[OdometrySource, Iterator[tuple[RawFrame, Pose]]]:
+        source, frames = frames_with_odometry(reader)
+        posed = ((raw, source.pose(FrameMoment.of(raw))) for raw in frames)
+        return source, ((self._drive.mounted(raw), pose) for raw, pose in posed if pose is not None)
 
     def _first(self) -> tuple[Observation, float]:
         """Return the first usable image and its stamp, and set up the preparation of frames."""

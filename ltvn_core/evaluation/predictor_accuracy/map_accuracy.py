@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.analysis.localisation_confidence import PerceptualAlias, find_perceptual_aliases
+from ltvn_core.evaluation.edge_accuracy import leads_elsewhere, waypoint_errors
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
@@ -26,7 +27,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.network.metrics import or_none, quantile
 from ltvn_core.training.drive_path import LIMITS, TrueViews
-from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
 _MOST_RECOGNISED = 100
 """Maximum number of images without a node that are localised in the map, evenly spaced."""
@@ -87,16 +88,6 @@ class JudgedMap:
         assert self.views is not None
         return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
 
-    def edge_errors(self) -> Waypoint:
-        """Return the true poses (E, 3) of the ends of all driven edges, seen from where their waypoints say."""
-        assert self.views is not None
-        edges = self.map.graph.driven_edges.values()
-        rows = np.array([(self.row_of[edge.source], self.row_of[edge.target]) for edge in edges], np.intp).reshape(
-            -1, 2
-        )
-        truly = relative(self.views.poses[rows[:, 0]], self.views.poses[rows[:, 1]])
-        return relative(np.array([edge.waypoint for edge in edges]).reshape(-1, 3), truly)
-
 
 def build_judged_map(
     observations: Sequence[Observation],
@@ -122,9 +113,11 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
     pieces = strongly_connected_components(built.map.graph)
     near = built.map.system.method.building.connect_distance
     groups = None if built.views is None else _true_pieces(built.views, near)
-    errors = built.edge_errors() if known else np.empty((0, 3))
+    errors = np.empty((0, 3))
+    if built.views is not None:
+        true_poses = built.views.poses
+        errors = waypoint_errors(built.map.graph.driven_edges.values(), lambda node: true_poses[built.row_of[node]])
     off_m = np.hypot(errors[:, 0], errors[:, 1])
-    is_false = (off_m > LOCALISED_M) | (np.abs(errors[:, 2]) > LOCALISED_RAD)
     return MapAccuracy(
         frames=len(built.observations),
         nodes=len(built.map.graph.nodes),
@@ -132,7 +125,7 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=int(is_false.sum()) if known else None,
+        false_edges=int(leads_elsewhere(errors).sum()) if known else None,
         edge_error_median_m=or_none(quantile(off_m, 0.5)),
         edge_error_p90_m=or_none(quantile(off_m, 0.9)),
         perceptual_aliases=len(true_aliases(built)) if known else None,

@@ -1,5 +1,6 @@
 """One pass over the events: what it finds, and what it makes of events that are cut, twice there or in disorder."""
 
+import numpy as np
 import pytest
 
 from ltvn_core.analysis.timeline import Timeline
@@ -119,6 +120,16 @@ def test_a_second_map_begins_a_new_epoch_and_time_travel_does_not_mix_them() -> 
     assert set(timeline.graph_at(Instant(200, 0.0)).edges) == {(0, 7)}
     assert set(timeline.graph_at().nodes) == {0}
     assert [mark.instant.step for mark in timeline.marks if mark.kind is MarkKind.MAP] == [10, 200, 201]
+
+
+def test_of_a_map_alone_the_images_of_its_drive_are_shown_with_the_map_from_the_first_on() -> None:
+    loaded = runs.at(20, runs.node(0, cause=Cause.LOAD), runs.node(10, cause=Cause.LOAD))
+    seen = [(step, step / 10, np.array([step, 0.0, 0.0])) for step in (0, 10, 20)]
+    timeline = Timeline.of(loaded, seen)
+    assert (timeline.start_s, timeline.end_s, len(timeline.frames)) == (0.0, 2.0, 3)
+    assert set(timeline.graph_at(timeline.instant_at(0.0)).nodes) == {0, 10}
+    driven_on = Timeline.of(loaded, [*seen, (30, 3.0, np.zeros(3))])
+    assert (driven_on.start_s, len(driven_on.frames)) == (3.0, 1)
 
 
 def test_edges_added_and_pruned_are_counted_anew_for_a_new_map() -> None:

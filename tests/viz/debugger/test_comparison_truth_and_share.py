@@ -13,6 +13,7 @@ from ltvn_core.analysis.answer import Address, Copyable, Download, Inline, Parag
 from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import RecordingError
+from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned
 from ltvn_core.types import Observation
 from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
@@ -114,10 +115,19 @@ def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:
         )
 
 
-def test_a_truth_whose_scene_is_gone_is_said_in_words(tmp_path: Path) -> None:
-    shown = SessionHarness(tmp_path).do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
-    assert "no scene 'flat'" in words(shown)
-    assert shown.message is None
+def test_without_a_model_of_the_place_true_poses_tell_which_edges_lead_elsewhere(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    graph = harness.state.live_map.graph
+    count = len(graph.driven_edges)
+    shown = harness.do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
+    assert f": 0 of {count} edges" in words(shown)
+    edge = next(iter(graph.driven_edges.values()))
+    moved = replace(edge, waypoint=edge.waypoint._replace(x_m=edge.waypoint.x_m + 0.6))
+    harness.do(c.EditMap((EdgePruned(edge.source, edge.target, Cause.HAND), EdgeAdded(moved, Cause.HAND))))
+    shown = harness.do(c.Ask(c.Action.QUESTION, QuestionName.TRUTH), ticks=3)
+    assert f": 1 of {count} edges" in words(shown)
+    assert "0.60" in words(shown)
+    assert colours(shown) == {palette.EDGE_REMOVED}
 
 
 def test_the_live_run_says_how_it_can_be_shared(tmp_path: Path) -> None:

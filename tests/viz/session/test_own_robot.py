@@ -8,16 +8,19 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
+from ltvn_core.data.importing.played_drive import NamedDrive, play_drive
 from ltvn_core.navigation.events import Judged, Localised, Note, Outcome
 from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
 from ltvn_viz.session.live_run import TICK_S, LiveRobot
+from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
+from tests.core.data.importing.rosbag.bag_examples import straight_drive
 from tests.core.flat_world import FlatPredictor, FlatRobot, observation_at
 from tests.viz.session_harness import ONE_ROOM, InlineExecutor, SessionHarness, said
 from tests.waiting import until
@@ -256,3 +259,31 @@ def test_of_a_recorded_drive_the_page_says_that_nothing_can_be_driven(harness: O
     harness.do(c.Ask(c.Action.GOAL, int(harness.now.moment.graph.ids[0])))
     assert harness.now.message.text == harness.state.open_loop
     assert harness.now.mode is Mode.TELEOP
+
+
+def test_a_recorded_drive_begins_when_somebody_looks_and_can_be_played_again(tmp_path: Path) -> None:
+    robot = OwnRobot()
+    drive = play_drive(NamedDrive(straight_drive(tmp_path / "drive", frames=6)), robot.clock)
+    drive.wait()
+    harness = SessionHarness(
+        tmp_path, mapped=False, own_robot=drive, predictor=SlowPredictor(robot, 0.0), executor=InlineExecutor()
+    )
+    harness.state.played = drive
+    eyes: list[str] = []
+    session = Session(harness.state, harness.driver, harness.shown.append, is_seen=lambda: bool(eyes))
+
+    def wait(seconds: float) -> Snapshot:
+        for _ in range(round(seconds / TICK_S)):
+            robot.pass_time(TICK_S)
+            session.tick()
+        return harness.now
+
+    session.tick()
+    assert drive.is_waiting
+    before = wait(3.0).moment.frames
+    eyes.append("a page")
+    shown = wait(3.0)
+    assert shown.moment.frames > before
+    assert "is over" in said(shown)
+    session.send(c.Ask(c.Action.PLAY_DRIVE))
+    assert wait(3.0).moment.frames > shown.moment.frames

@@ -68,6 +68,28 @@ def test_images_come_in_recorded_order_and_time(played: PlayedDrive, wall: Wall)
     assert played.observe() is seen[-1]
 
 
+def test_a_drive_that_waits_begins_when_it_is_told_to_and_can_be_played_again(played: PlayedDrive, wall: Wall) -> None:
+    played.wait()
+    first = played.observe()
+    wall.now_s = 60.0
+    assert played.observe() is first
+    assert not played.is_over
+    played.play()
+    wall.now_s += FRAME_S * FRAMES
+    last = played.observe()
+    assert [played.take_end(), played.take_end()] == [True, False]
+    played.play()
+    wall.now_s += 0.01
+    again = played.observe()
+    assert not played.is_over
+    assert np.array_equal(again.rgb, first.rgb)
+    assert np.array_equal(again.odometry, first.odometry)
+    assert (again.step > last.step, again.stamp > last.stamp) == (True, True)
+    wall.now_s += FRAME_S * FRAMES
+    assert np.array_equal(played.observe().rgb, last.rgb)
+    assert played.take_end()
+
+
 def test_who_comes_late_sees_the_newest_image_and_where_it_was_taken(played: PlayedDrive, wall: Wall) -> None:
     first = played.observe()
     played.observe()

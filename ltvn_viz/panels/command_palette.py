@@ -122,7 +122,7 @@ def _missing(action: Action, snapshot: Snapshot) -> str:
             return "the map was not rebuilt"
         case Action.BUILD if snapshot.is_making:
             return "another recording is being made"
-        case Action.PLAY_DRIVE if not snapshot.plays_drive:
+        case Action.PLAY_DRIVE if snapshot.drive_is_over is None:
             return "the robot is no recorded drive"
         case Action.GOAL if snapshot.is_open_loop:
             return "a recorded drive obeys no command"

@@ -60,7 +60,7 @@ class DrivePanel:
         beside = (cancel,) if is_building else (undo,) if snapshot.can_undo_build and not recorded else ()
         self.map.show(button_row(build, *beside))
         play = ActionButton(Action.PLAY_DRIVE, is_enabled=snapshot.mode is Mode.TELEOP)
-        self.played.show(button_row(play) if snapshot.plays_drive else "")
+        self.played.show(button_row(play) if snapshot.drive_is_over is not None else "")
         self.counts.show(_counts(snapshot))
 
 
@@ -98,7 +98,15 @@ class PadPanel:
 def _activity_message(snapshot: Snapshot) -> str:
     """Return a message with the mode, the node that the robot drives to, and whether a story is running."""
     goal = None if snapshot.destination is None else int(snapshot.destination)
-    return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal, "story": snapshot.story_goes_on})
+    return json.dumps(
+        {
+            "type": "activity",
+            "mode": snapshot.mode,
+            "goal": goal,
+            "story": snapshot.story_goes_on,
+            "openLoop": snapshot.is_open_loop,
+        }
+    )
 
 
 MINUTES = 3

@@ -235,15 +235,16 @@ def health_of(snapshot: Snapshot) -> HealthReport:
         return HealthReport(Health.TROUBLE, message.text)
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.LOST:
         return HealthReport(Health.TROUBLE, "The robot does not answer, so it is stopped.")
+    age_ms = 0 if snapshot.drive_is_over else rates.frame_age_ms
     is_measured = rates.loop_hz > 0
     if is_measured and rates.loop_hz < TROUBLE_HZ:
         return HealthReport(Health.TROUBLE, "The computer is far too busy: the app reads the robot's state too seldom.")
-    if rates.frame_age_ms > TOO_OLD_MS:
-        return HealthReport(Health.TROUBLE, f"The camera image is {rates.frame_age_ms / 1000:.0f} s old.")
+    if age_ms > TOO_OLD_MS:
+        return HealthReport(Health.TROUBLE, f"The camera image is {age_ms / 1000:.0f} s old.")
     if is_measured and rates.loop_hz < SLOW_HZ:
         return HealthReport(Health.SLOW, "The computer is busy; the page is updated less often.")
-    if rates.frame_age_ms > OLD_MS:
-        return HealthReport(Health.SLOW, f"The camera image is {rates.frame_age_ms / 1000:.1f} s old.")
+    if age_ms > OLD_MS:
+        return HealthReport(Health.SLOW, f"The camera image is {age_ms / 1000:.1f} s old.")
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.WEAK:
         return HealthReport(Health.SLOW, "The link to the robot is weak: images are few, late or lost.")
     return HealthReport(Health.GOOD, "Everything keeps up.")

@@ -12,7 +12,6 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from ltvn_core.data.importing.played_drive import PlayedDrive
 from ltvn_core.errors import LtvnError, OptionError, RobotError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
@@ -32,7 +31,6 @@ from ltvn_viz.session.snapshot_builder import SnapshotBuilder
 from ltvn_viz.session.world_handlers import advance_activity, carry_out_changes, go_on_with_story
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import WISHES
 
 logger = logging.getLogger(__name__)
 
@@ -212,8 +210,8 @@ class Session:
         """Advance robot time by a tick."""
         state = self._state
         _watch_link(state)
-        if state.played is not None:
-            _watch_played_drive(state, state.played, is_seen=self._is_seen())
+        if state.played is not None and state.played.is_waiting and self._is_seen():
+            state.played.play()
         state.worker.collect()
         self._record()
         state.fine_tuning.collect()
@@ -279,15 +277,6 @@ def _watch_link(state: AppState) -> None:
     if news.is_lost:
         state.cancel("The link broke", "the link to the robot broke")
     state.say(news.text, news.severity)
-
-
-def _watch_played_drive(state: AppState, drive: PlayedDrive, *, is_seen: bool) -> None:
-    """Let a recorded drive begin when the first page is open, and say when it is over."""
-    if drive.is_waiting and is_seen:
-        drive.play()
-    if drive.take_end():
-        again = WISHES[c.Action.PLAY_DRIVE].label
-        state.say(f"The recorded drive is over; its last image stays. Press “{again}” under “Drive” to see it again.")
 
 
 def _hold_without_pages(state: AppState, absence: Absence | None) -> None:

@@ -283,8 +283,8 @@ class Snapshot:
     """Whether a query continues when the last page closes; None if that is not offered."""
     is_open_loop: bool = False
     """Whether a recorded drive replaces the robot, so that it obeys no command."""
-    plays_drive: bool = False
-    """Whether this drive is a file, which can be played again."""
+    drive_is_over: bool | None = None
+    """Whether the recorded drive in the robot's place is over; None for a robot."""
     destination: NodeId | None = None
     """Goal of the running or paused query; None while a person drives."""
     selected: NodeId | None = None

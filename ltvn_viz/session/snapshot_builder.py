@@ -89,7 +89,7 @@ class SnapshotBuilder:
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             is_open_loop=bool(state.open_loop),
-            plays_drive=state.played is not None,
+            drive_is_over=None if state.played is None else state.played.is_over,
             message=state.message,
             floor_plan=None if state.alignment is None else state.alignment.view,
             fine_tuning=_learning(state),
@@ -215,6 +215,8 @@ def hint(snapshot: Snapshot) -> str:
 
 def _driving(snapshot: Snapshot) -> str:
     moment = snapshot.moment
+    if snapshot.drive_is_over:
+        return "The recorded drive is over. Press “Play the drive again” under “Drive”, or ask under “Why”."
     if snapshot.is_open_loop:
         return "A recorded drive replaces the robot. Watch the map grow, or ask under “Why” where the robot is."
     if snapshot.recording.name is not None:

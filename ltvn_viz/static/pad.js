@@ -100,7 +100,7 @@ function whatTheRobotDoes() {
   if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "is paused on its path" : "drives"} to node ${activity.goal}`;
   if (activity.mode === "building") return "The map is being built; the robot is stopped";
   if (activity.mode === "replay") return "This is a recording; the robot is stopped";
-  return "";
+  return activity.openLoop ? "A recorded drive is played; nothing can be driven" : "";
 }
 
 function status() {

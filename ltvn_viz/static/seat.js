@@ -1,7 +1,7 @@
 // The connection to the server, and what the server tells of the driver's seat and the robot.
 
 const seat = { isOpen: false, isSilent: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null, unheard: null };
-const activity = { mode: "manual", goal: null, story: false }; // What is under way, and the node that the robot drives to by itself.
+const activity = { mode: "manual", goal: null, story: false, openLoop: false }; // What is under way, and the node that the robot drives to by itself.
 const watchers = []; // Functions without arguments, called whenever something to be shown has changed.
 let socket = null; // A worker that holds the connection, from the moment when the page's elements are there.
 let refusedBy = null; // Who drives, when an action was refused for that reason.

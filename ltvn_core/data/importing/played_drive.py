@@ -123,7 +123,6 @@ class PlayedDrive:
         """Whether the drive stands at its first image until `play`."""
         self._lock = threading.RLock()
         self._looks = 0
-        self._was_over = False
         self._begun_s: float | None = None
         """Time at which the clock started; None before that."""
         self._told = False
@@ -145,11 +144,6 @@ class PlayedDrive:
             self._play()
             return self._begun_s is not None and self._newest is None and self._next is None
 
-    def take_end(self) -> bool:
-        """Return whether the drive has ended since the last call."""
-        was_over, self._was_over = self._was_over, self.is_over
-        return self._was_over and not was_over
-
     def wait(self) -> None:
         """Stand at the first image until `play`."""
         self.is_waiting = True
@@ -164,7 +158,7 @@ class PlayedDrive:
                     self._seen_s = self._next[0].stamp - self._now_s
             else:
                 self._begun_s = self.clock.now()
-            self.is_waiting = self._was_over = False
+            self.is_waiting = False
 
     def observe(self) -> Observation:
         """Return the latest image that is due at the recorded pace."""

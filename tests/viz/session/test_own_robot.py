@@ -14,6 +14,7 @@ from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
+from ltvn_viz.panels.status_panel import Health, health_of
 from ltvn_viz.session.live_run import TICK_S, LiveRobot
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
@@ -284,6 +285,7 @@ def test_a_recorded_drive_begins_when_somebody_looks_and_can_be_played_again(tmp
     eyes.append("a page")
     shown = wait(3.0)
     assert shown.moment.frames > before
-    assert "is over" in said(shown)
+    assert "is over" in hint(shown)
+    assert health_of(shown).health is Health.GOOD
     session.send(c.Ask(c.Action.PLAY_DRIVE))
     assert wait(3.0).moment.frames > shown.moment.frames

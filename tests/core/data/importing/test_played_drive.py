@@ -77,7 +77,7 @@ def test_a_drive_that_waits_begins_when_it_is_told_to_and_can_be_played_again(pl
     played.play()
     wall.now_s += FRAME_S * FRAMES
     last = played.observe()
-    assert [played.take_end(), played.take_end()] == [True, False]
+    assert played.is_over
     played.play()
     wall.now_s += 0.01
     again = played.observe()
@@ -87,7 +87,7 @@ def test_a_drive_that_waits_begins_when_it_is_told_to_and_can_be_played_again(pl
     assert (again.step > last.step, again.stamp > last.stamp) == (True, True)
     wall.now_s += FRAME_S * FRAMES
     assert np.array_equal(played.observe().rgb, last.rgb)
-    assert played.take_end()
+    assert played.is_over
 
 
 def test_who_comes_late_sees_the_newest_image_and_where_it_was_taken(played: PlayedDrive, wall: Wall) -> None:

@@ -91,8 +91,9 @@ def waypoint_errors(edges: Collection[Edge], pose_of: Callable[[NodeId], Pose]) 
 
     `pose_of` returns the true pose (3,) of a node.
     """
-    ends = np.array([(pose_of(edge.source), pose_of(edge.target)) for edge in edges]).reshape(-1, 2, 3)
-    return relative(np.array([edge.waypoint for edge in edges]).reshape(-1, 3), relative(ends[:, 0], ends[:, 1]))
+    rows = [(edge.waypoint, relative(pose_of(edge.source), pose_of(edge.target))) for edge in edges]
+    claimed, truly = np.array(rows, float).reshape(-1, 2, 3).swapaxes(0, 1)
+    return relative(claimed, truly)
 
 
 def leads_elsewhere(errors: Waypoint) -> NDArray[np.bool_]:

@@ -83,11 +83,6 @@ class JudgedMap:
         """Row of each image."""
         return {seen.step: row for row, seen in enumerate(self.observations)}
 
-    def are_far(self, first: FrameId, second: FrameId) -> bool:
-        """Tell whether two images are known to be far from each other."""
-        assert self.views is not None
-        return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
-
 
 def build_judged_map(
     observations: Sequence[Observation],
@@ -142,7 +137,8 @@ def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
     graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
     method = built.map.system.method
     found = find_perceptual_aliases(graph, Matcher(built.map.predictor, keyframes, method.matching), method)
-    return tuple(pair for pair in found if built.are_far(pair.first, pair.second))
+    rows = built.row_of
+    return tuple(pair for pair in found if LIMITS.far(built.views.move(rows[pair.first], rows[pair.second])))
 
 
 def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelta:
@@ -171,15 +167,11 @@ def _share_in(
     asked = others[:: max(math.ceil(len(others) / _MOST_RECOGNISED), 1)]
     recognised = 0
     for done, row in enumerate(asked, 1):
-        recognised += _recognised(built, row) in piece
+        features = built.features[row : row + 1]
+        recognised += built.map.system.localise(features, built.map.graph, NO_PRIOR, built.matcher).node in piece
         progress(len(frames) - len(asked) + done, len(frames))
     share = recognised / len(asked) if asked else 0.0
     return (sum(node in piece for node in nodes) + share * len(others)) / len(frames)
-
-
-def _recognised(built: JudgedMap, row: int) -> NodeId | None:
-    """Return the node that an image of the drive is localised at."""
-    return built.map.system.localise(built.features[row : row + 1], built.map.graph, NO_PRIOR, built.matcher).node
 
 
 LOCALISED_M = 0.5

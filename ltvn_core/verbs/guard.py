@@ -41,13 +41,12 @@ class GuardVerb(Verb):
     def run(self) -> Summary:
         """Guard until interrupted; raises OptionError and RobotError."""
         from ltvn_core.robots.ros2.guard import Guard
-        from ltvn_core.robots.ros2.ros_robot import split_address
-        from ltvn_core.robots.ros2.zenoh_link import ZenohLink
+        from ltvn_core.robots.ros2.ros_robot import connect
 
         if self.depth_stop is not None and not 0 < self.depth_stop <= 5:
             raise OptionError(f"--depth-stop must be a distance above 0 and up to 5 m, got {self.depth_stop}.")
-        profile, address = split_address(self.robot)
-        with ZenohLink.connect(address, node="ltvn_guard", domain=profile.domain) as link:
+        profile, link = connect(self.robot, node="ltvn_guard")
+        with link:
             guard = Guard(link, profile, depth_stop_m=self.depth_stop)
             _LOG.info("Guarding %s: %s to %s.", profile.name, profile.driving.guard_topic, profile.topics.command)
             with suppress(KeyboardInterrupt):

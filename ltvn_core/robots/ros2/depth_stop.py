@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.freshness import Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.robot_sensors import sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
+from ltvn_core.robots.ros2.ros_images import decode_metres, image_size
 from ltvn_core.robots.ros2.ros_messages import read_stamp
 from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import Depth, Twist
@@ -141,7 +140,7 @@ class DepthStop:
         self._info = received.message
 
     def take_depth(self, received: Received) -> None:
-        """Check whether a depth image shows a free corridor. Raises RobotError if it is invalid or late."""
+        """Check whether a depth image shows a free corridor. Raises LtvnError if it is invalid or late."""
         message = received.message
         topic = self._profile.topics.depth
         if self._info is None or not is_calibrated(self._info):
@@ -151,12 +150,9 @@ class DepthStop:
         taken = received.attachment._replace(stamp_ns=round(read_stamp(message, topic) * 1e9))
         late_s = self._freshness.admit(taken, received.arrived_s)
         camera = self._profile.camera
-        size = sensor_size(message, topic)
-        depth = sensor_depth(message, topic, camera.depth_unit_m)
-        try:
-            lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)
-        except LtvnError as error:
-            raise RobotError(str(error)) from error
+        size = image_size(message, topic)
+        depth = decode_metres(message, topic, camera.depth_unit_m)
+        lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)
         self._judge(self._reason(depth, self._profile.mounted(lens)), received.arrived_s - late_s)
 
     def _judge(self, reason: str | None, seen_s: float) -> None:

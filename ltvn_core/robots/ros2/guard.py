@@ -4,7 +4,7 @@ Subscribes to the profile's `guard_topic`, and forwards the commands that `Comma
 fresh commands within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the
 guard itself, and after an invalid command, a driver must send a zero before it may drive. `DepthStop` refuses forward
 motion unless fresh depth shows a free corridor ahead, so that a covered or failed camera also stops the robot. Whether
-and why commands are refused is published at the profile's `guard_status_topic`.
+and why commands are refused is published at its guard topic + `_status`.
 """
 
 import logging
@@ -18,8 +18,7 @@ from ltvn_core.robots.robot_spec import AccelerationLimits, SpeedLimits
 from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.robot_sensors import depth_topic
-from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.robot_topics import RobotTopics
 from ltvn_core.robots.ros2.ros_messages import (
     GuardState,
     GuardStatus,
@@ -28,8 +27,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_twist,
     twist_message,
 )
-from ltvn_core.robots.ros2.topic_keys import DIAGNOSTIC, Topic, command_type
-from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
 
 SILENCE_S = 0.2
@@ -169,34 +167,27 @@ class Guard:
         """Number of forwarded commands."""
         self.refused = 0
         """Number of refused commands."""
+        topics = RobotTopics.of(profile)
+        self._link = link
         self._stamped = profile.driving.stamped
-        self._source = profile.driving.guard_topic
+        self._source = topics.guard.name
+        self._command = topics.command
         self._freshness = Freshness(self._source, most_late_s=MOST_LATE_COMMAND_S)
-        self._complaints = Complaints()
-        domain = profile.domain
-        depth_stop = None if depth_stop_m is None else DepthStop(profile, depth_stop_m)
+        self._depth_stop = depth_stop = None if depth_stop_m is None else DepthStop(profile, depth_stop_m)
         self._gate = CommandGate(
             time.monotonic,
             speeds=profile.speeds,
             accelerations=profile.accelerations,
             allows=(lambda twist: twist) if depth_stop is None else depth_stop.allows,
         )
-        kind = command_type(stamped=self._stamped)
-        self._command = profile.topics.command
-        self._kind = kind
-        self._wheels = link.command_publisher(Topic(self._command, kind, domain))
-        self._depth_stop = depth_stop
-        self._status = link.publisher(Topic(profile.driving.guard_status_topic, DIAGNOSTIC, domain))
+        self._wheels = link.command_publisher(topics.command)
+        self._status = link.publisher(topics.guard_status)
         self._published: GuardStatus | None = None
         self._published_s = -math.inf
         if depth_stop is not None:
-            link.subscribe(
-                Topic(profile.topics.camera_info, CAMERA_INFO, domain),
-                depth_stop.take_camera_info,
-                self._complaints.say,
-            )
-            link.subscribe(depth_topic(profile), depth_stop.take_depth, self._complaints.say)
-        link.subscribe(Topic(self._source, kind, domain), self._take, self._refuse)
+            link.subscribe(topics.camera_info, depth_stop.take_camera_info)
+            link.subscribe(topics.depth, depth_stop.take_depth)
+        link.subscribe(topics.guard, self._take, self._refuse)
 
     @property
     def has_listener(self) -> bool:
@@ -230,7 +221,7 @@ class Guard:
         if status.state is before and now_s - self._published_s < _STATUS_S:
             return
         if status.state is GuardState.REFUSES and before is not GuardState.REFUSES:
-            self._complaints.say(RobotError(f"The robot is stopped until its driver sends a stop: {status.reason}."))
+            self._link.complain(RobotError(f"The robot is stopped until its driver sends a stop: {status.reason}."))
         self._published, self._published_s = status, now_s
         self._status.put(guard_status_message(status))
 
@@ -246,17 +237,12 @@ class Guard:
             )
         self.forwarded += 1
         if not self.has_listener:
-            self._complaints.say(RobotError(self._unheard()))
-
-    def _unheard(self) -> str:
-        listeners = self._wheels.listeners
-        others = listeners.other_types if listeners is not None else []
-        reason = (
-            f"it is expected to be {' or '.join(others)}; correct driving.stamped in the profile."
-            if others
-            else "is the robot's driver running? `ltvn robot check` says which line of the profile to change."
-        )
-        return f"No node subscribes to {self._command} as {self._kind}, so forwarded commands have no effect: {reason}"
+            self._link.complain(
+                RobotError(
+                    f"No node subscribes to {self._command.name} as {self._command.type_name}, so forwarded commands "
+                    "have no effect: is the robot's driver running, and is driving.stamped of the profile right?"
+                )
+            )
 
     def _sound(self, received: Received) -> Twist:
         """Return the speeds of a command. If they are invalid, stop the robot and raise RobotError."""
@@ -281,4 +267,3 @@ class Guard:
 
     def _refuse(self, error: RobotError) -> None:
         self.refused += 1
-        self._complaints.say(error)

@@ -101,12 +101,7 @@ class Driving:
     guarded: bool = True
     """Whether commands go to `guard_topic`, from which `ltvn guard` on the robot forwards the fresh ones."""
     guard_topic: str = "/ltvn/cmd_vel"
-    """Topic that the guard subscribes to."""
-
-    @property
-    def guard_status_topic(self) -> str:
-        """Topic at which the guard publishes whether it forwards commands, a DiagnosticStatus."""
-        return f"{self.guard_topic}_status"
+    """Topic that the guard subscribes to; at this topic + `_status` it publishes whether it forwards commands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
-    findings = [*_findings(report, robot.inbox.streams), *robot.declared_otherwise()]
+    findings = list(_findings(report, robot.inbox.streams))
     bumper = robot.profile.topics.bumper
     if bumper and not robot.link.publishers(bumper):
         text = f"No node publishes {bumper}, so collisions are not detected; correct topics.bumper, or omit it."
@@ -82,7 +82,8 @@ def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Find
     yield from (Finding(stream.refusal, where=stream.topic) for stream in streams if stream.refusal)
     if not report.commands_taken:
         yield Finding(
-            "No node receives the commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
+            "No node receives the commands: start `ltvn guard` beside the robot, or correct `guarded`, `stamped` or "
+            "the topic of commands in the profile."
         )
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
         text = "The robot did not follow the command; keep a hand on its emergency stop."

@@ -25,6 +25,7 @@ _PNG_HEAD_BYTES = 26
 _PNG_GREY_16 = b"\x10\x00"
 """Bytes of a PNG after width and height: 16 bits, one channel."""
 _RVL_HEADER = struct.Struct("<II")
+_MOST_PIXELS = 16_000_000
 
 
 class _Layout(NamedTuple):
@@ -92,15 +93,20 @@ def has_metres(message: Any) -> bool:
 
 
 def image_size(message: Any, source: str) -> tuple[int, int]:
-    """Return width and height of an image message without decoding it. Raises DriveError."""
+    """Return width and height of an image message without decoding it.
+
+    Raises DriveError if they are invalid, or too large to decode without delaying a robot.
+    """
     if hasattr(message, "encoding"):
-        return int(message.width), int(message.height)
-    data = bytes(message.data)
-    form = str(message.format)
-    if not _is_depth_format(form):
-        return encoded_size(data, source)
-    content = _behind_header(data, source)
-    return _rvl_size(content, source) if _is_rvl(form) else encoded_size(content, source)
+        width, height = int(message.width), int(message.height)
+    else:
+        data, form = bytes(message.data), str(message.format)
+        content = _behind_header(data, source) if _is_depth_format(form) else data
+        is_rvl = _is_depth_format(form) and _is_rvl(form)
+        width, height = _rvl_size(content, source) if is_rvl else encoded_size(content, source)
+    if not 0 < width * height <= _MOST_PIXELS:
+        raise DriveError(f"{source}: {width} x {height} pixels is not a valid size of a camera image.")
+    return width, height
 
 
 def decode_colours(message: Any, source: str) -> Rgb:

@@ -184,12 +184,12 @@ def guard_status_message(status: GuardStatus) -> Any:
     return _make(DIAGNOSTIC, level=level, name="ltvn guard", message=status.reason, hardware_id="", values=[])
 
 
-def read_guard_status(message: Any, source: str) -> GuardStatus:
+def read_guard_status(message: Any) -> GuardStatus:
     """Return the status in a DiagnosticStatus of the guard. Raises RobotError for an unknown level."""
     try:
         return GuardStatus(GuardState(int(message.level)), str(message.message))
     except ValueError as error:
-        raise RobotError(f"{source}: level {message.level} is none of the guard's, which are 0, 1 and 2.") from error
+        raise RobotError(f"The guard's status has level {message.level}; its levels are 0, 1 and 2.") from error
 
 
 def _planar(place: Any, q: Any, source: str) -> Pose:

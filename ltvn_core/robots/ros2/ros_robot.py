@@ -12,40 +12,21 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import LtvnError, RobotError, RobotPausedError
-from ltvn_core.findings import Finding
+from ltvn_core.errors import DriveError, LtvnError, RobotError, RobotPausedError
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.link_report import STALE_S, LinkReport
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import RobotSpec, SpeedLimits
-from ltvn_core.robots.ros2.declared_topics import declared_otherwise
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
-from ltvn_core.robots.ros2.robot_sensors import (
-    colour_topic,
-    depth_topic,
-    odometry_topic,
-    sensor_colours,
-    sensor_depth,
-    sensor_size,
-)
-from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
+from ltvn_core.robots.ros2.robot_topics import RobotTopics
+from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
+from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, image_size
 from ltvn_core.robots.ros2.ros_messages import GuardState, read_guard_status, twist_message
-from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.topic_keys import (
-    BATTERY,
-    BUMPER,
-    DIAGNOSTIC,
-    ODOMETRY,
-    TWIST_STAMPED,
-    Role,
-    Topic,
-    command_type,
-)
-from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
+from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
 _LOG = logging.getLogger(__name__)
@@ -166,8 +147,7 @@ class CommandSender:
 
 def open_ros_robot(wanted: str, *, patience_s: float = _PATIENCE_S) -> "RosRobot":
     """Connect to PROFILE@ADDRESS and wait for its first image. Drives nothing. Raises RobotError."""
-    profile, address = split_address(wanted)
-    link = ZenohLink.connect(address, node="ltvn", domain=profile.domain)
+    profile, link = connect(wanted, node="ltvn")
     try:
         return RosRobot(link, profile, patience_s=patience_s)
     except LtvnError:
@@ -175,10 +155,11 @@ def open_ros_robot(wanted: str, *, patience_s: float = _PATIENCE_S) -> "RosRobot
         raise
 
 
-def split_address(wanted: str) -> tuple[RobotProfile, str]:
-    """Return the profile and the router's address in PROFILE@ADDRESS. Raises RobotError."""
+def connect(wanted: str, *, node: str) -> tuple[RobotProfile, ZenohLink]:
+    """Return the profile in PROFILE@ADDRESS, and a link to the router there. Raises RobotError."""
     name, _, address = wanted.rpartition("@")
-    return open_profile(name), address
+    profile = open_profile(name)
+    return profile, ZenohLink.connect(address, node=node, domain=profile.domain)
 
 
 class RosRobot:
@@ -190,24 +171,25 @@ class RosRobot:
         self.link = link
         self.clock = WallClock()
         self.inbox = SensorInbox(profile)
-        self._complaints = Complaints()
-        self._subscribe()
+        topics = RobotTopics.of(profile)
+        self.inbox.subscribe(link, topics)
         if not self.inbox.wait_for_all(patience_s):
-            raise RobotError(f"{profile.name} at {link.address}: {self._why_silent(patience_s)}")
+            raise RobotError(
+                f"{profile.name} at {link.address}: within {patience_s:g} s some messages did not arrive: "
+                f"{self.inbox.complaint(time.monotonic())}. Compare the profile with `ros2 topic list -t`; the robot "
+                "must run rmw_zenoh."
+            )
         first = self._newest()
         self._spec = profile.spec(self._lens(first))
         self._began_s = first.stamp_s - (self.clock.now() - (time.monotonic() - first.arrived_s))
         self._seen: tuple[Moment, Observation] | None = None
         self._step = 0
-        driving = profile.driving
-        self._kind = command_type(stamped=driving.stamped)
-        goal = driving.guard_topic if driving.guarded else profile.topics.command
-        self._commands = link.command_publisher(Topic(goal, self._kind, profile.domain))
+        self._commands = link.command_publisher(topics.guard if profile.driving.guarded else topics.command)
         self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)
-        self._restrained: tuple[str, float] | None = None  # The reason, and when the guard told it.
-        if driving.guarded:
-            status = Topic(driving.guard_status_topic, DIAGNOSTIC, profile.domain)
-            link.subscribe(status, self._take_guard_status, self._complaints.say)
+        self._restrained_because = ""
+        self._restrained_s = -math.inf
+        if profile.driving.guarded:
+            link.subscribe(topics.guard_status, self._take_guard_status)
 
     @property
     def spec(self) -> RobotSpec:
@@ -225,12 +207,13 @@ class RosRobot:
         Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls;
         RobotPausedError if the interruption was only a brief pause of this program or of the stream of commands.
         """
-        if self._seen is None:
-            self._await_fresh()
-        moment = self.inbox.newest()
-        if moment is None:
+        if self._seen is None:  # A busy start may have made the last image stale.
+            ends_s = time.monotonic() + _FIRST_S
+            while self.age_s > STALE_S and time.monotonic() < ends_s:
+                time.sleep(0.02)
+        if self.inbox.newest() is None:
             self._sender.interrupt("it sends no complete images")
-            raise self._blind()
+        moment = self._newest()
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
             self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
@@ -245,12 +228,6 @@ class RosRobot:
         if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
             self._seen = moment, self._decoded(moment)
         return self._seen[1]
-
-    def _await_fresh(self) -> None:
-        """Wait a little for a fresh first image, because a busy start may have made the last one stale."""
-        ends_s = time.monotonic() + _FIRST_S
-        while self.age_s > STALE_S and time.monotonic() < ends_s:
-            time.sleep(0.02)
 
     @property
     def true_pose(self) -> Pose | None:
@@ -290,7 +267,7 @@ class RosRobot:
             lost_share=inbox.colour.lost_share,
             battery=inbox.battery,
             stopped_because=self._sender.break_reason,
-            restrained_because=self._restrained_because(now_s),
+            restrained_because=(now_s - self._restrained_s <= STALE_S and self._restrained_because) or None,
         )
 
     def close(self) -> None:
@@ -303,91 +280,48 @@ class RosRobot:
         """Whether the guard or the robot subscribes to commands."""
         return self._commands.has_listener
 
-    def declared_otherwise(self) -> list[Finding]:
-        """Return the lines of the profile that disagree with what the robot declares."""
-        return list(declared_otherwise(self.profile, [each for role in Role for each in self.link.declared(role)]))
-
-    def _subscribe(self) -> None:
-        topics = self.profile.topics
-        domain = self.profile.domain
-        inbox = self.inbox
-        for stream, topic in ((inbox.colour, colour_topic(self.profile)), (inbox.depth, depth_topic(self.profile))):
-            self.link.subscribe(topic, partial(inbox.take_image, stream), partial(self._refuse, stream))
-        take_pose = inbox.take_odometry if self.profile.odometry_transform is None else inbox.take_transforms
-        self.link.subscribe(odometry_topic(self.profile), take_pose, partial(self._refuse, inbox.odometry))
-        info = Topic(topics.camera_info, CAMERA_INFO, domain)
-        self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
-        if topics.battery:
-            self.link.subscribe(Topic(topics.battery, BATTERY, domain), inbox.take_battery, self._complaints.say)
-        if topics.bumper:
-            self.link.subscribe(Topic(topics.bumper, BUMPER, domain), inbox.take_bumper, self._complaints.say)
-        if topics.truth:
-            self.link.subscribe(Topic(topics.truth, ODOMETRY, domain), inbox.take_truth, self._complaints.say)
-
     def _take_guard_status(self, received: Received) -> None:
-        status = read_guard_status(received.message, self.profile.driving.guard_status_topic)
-        self._restrained = (status.reason, received.arrived_s) if status.state is GuardState.RESTRAINS else None
+        status = read_guard_status(received.message)
+        self._restrained_because = status.reason if status.state is GuardState.RESTRAINS else ""
+        self._restrained_s = received.arrived_s
         if status.state is GuardState.REFUSES:
             self._sender.refused(f"the guard on the robot stopped it, because {status.reason}")
-
-    def _restrained_because(self, now_s: float) -> str | None:
-        """Return why the guard refuses to drive forwards; None if it has not said so lately, as after its end."""
-        reason, told_s = self._restrained or (None, now_s)
-        return reason if now_s - told_s <= STALE_S else None
-
-    def _refuse(self, stream: Stream, error: RobotError) -> None:
-        stream.refusal = str(error)
-        self._complaints.say(error)
-
-    def _why_silent(self, patience_s: float) -> str:
-        otherwise = " ".join(map(str, self.declared_otherwise()))
-        if not otherwise and self.link.hears_dds_bridge(stream.topic for stream in self.inbox.streams):
-            return (
-                "a zenoh-bridge-ros2dds answers there, which the toolkit does not understand; the robot must run "
-                "rmw_zenoh (RMW_IMPLEMENTATION=rmw_zenoh_cpp for all its nodes, and rmw_zenohd) instead."
-            )
-        return (
-            f"within {patience_s:g} s some messages did not arrive: {self.inbox.complaint(time.monotonic())}. "
-            f"{otherwise or '`ros2 topic list` lists the names; put them into a profile.'}"
-        )
 
     def _newest(self) -> Moment:
         moment = self.inbox.newest()
         if moment is None:
-            raise self._blind()
+            raise RobotError(f"{self.profile.name}: no complete image: {self.inbox.complaint(time.monotonic())}.")
         return moment
 
-    def _blind(self) -> RobotError:
-        return RobotError(f"{self.profile.name}: no complete image: {self.inbox.complaint(time.monotonic())}.")
-
     def _lens(self, moment: Moment) -> CameraModel:
+        topics = self.profile.topics
         info = self.inbox.camera_info
-        topic = self.profile.topics.camera_info
         if not is_calibrated(info):
-            raise RobotError(f"{topic} has no calibration of the lens, only zeros; calibrate the camera on the robot.")
-        size = sensor_size(moment.colour, self.profile.topics.colour)
+            raise RobotError(
+                f"{topics.camera_info} has no calibration of the lens, only zeros; calibrate the camera on the robot."
+            )
         try:
-            return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topic)
+            size = image_size(moment.colour, topics.colour)
+            return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topics.camera_info)
         except LtvnError as error:
             raise RobotError(str(error)) from error
 
     def _decoded(self, moment: Moment) -> Observation:
         topics = self.profile.topics
-        camera = self._spec.camera
-        size = sensor_size(moment.colour, topics.colour)
-        depth_size = sensor_size(moment.depth, topics.depth)
-        if size != (camera.width, camera.height):
-            raise RobotError(
-                f"{topics.colour} is now {_words(size)}, but was {camera.width} x {camera.height} at first; open the "
-                "robot again if the camera's settings were changed."
-            )
-        if depth_size != size:
-            raise RobotError(
-                f"{topics.depth} is {_words(depth_size)} but {topics.colour} is {_words(size)}; name the topic of "
-                "depth that is aligned with the colours."
-            )
-        rgb = sensor_colours(moment.colour, topics.colour)
-        depth = sensor_depth(moment.depth, topics.depth, self.profile.camera.depth_unit_m)
+        wanted = self._spec.camera.width, self._spec.camera.height
+        try:
+            for message, topic in ((moment.colour, topics.colour), (moment.depth, topics.depth)):
+                width, height = image_size(message, topic)
+                if (width, height) != wanted:
+                    raise RobotError(
+                        f"{topic} is now {width} x {height}, but {topics.colour} was {wanted[0]} x {wanted[1]} at "
+                        "first; name the topic of depth that is aligned with the colours, or open the robot again if "
+                        "the camera's settings were changed."
+                    )
+            rgb = decode_colours(moment.colour, topics.colour)
+            depth = decode_metres(moment.depth, topics.depth, self.profile.camera.depth_unit_m)
+        except DriveError as error:
+            raise RobotError(str(error)) from error
         stamp = self._own_s(moment.stamp_s, moment.arrived_s)
         self._step = max(self._step + 1, int(stamp / CONTROL_STEP_S))
         return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
@@ -400,8 +334,4 @@ class RosRobot:
         return stamp_s - self._began_s
 
     def _send(self, twist: Twist) -> None:
-        self._commands.put(twist_message(twist, time.time() if self._kind == TWIST_STAMPED else None))
-
-
-def _words(size: tuple[int, int]) -> str:
-    return f"{size[0]} x {size[1]}"
+        self._commands.put(twist_message(twist, time.time() if self.profile.driving.stamped else None))

@@ -7,20 +7,16 @@ description of what is missing; decodes no image.
 import math
 import threading
 from collections import deque
+from functools import partial
 from typing import Any, NamedTuple
 
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.link_report import STALE_S
 from ltvn_core.robots.ros2.freshness import Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_messages import (
-    edges_of,
-    read_battery,
-    read_odometry,
-    read_stamp,
-    read_transform,
-)
-from ltvn_core.robots.ros2.zenoh_link import Received
+from ltvn_core.robots.ros2.robot_topics import RobotTopics
+from ltvn_core.robots.ros2.ros_messages import edges_of, read_battery, read_odometry, read_stamp, read_transform
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, Pose
 
 TOGETHER_S = 0.05
@@ -34,7 +30,6 @@ _JUMP_LASTS_S = 2 * STALE_S
 """Least duration of these stamps, in seconds, so that the driver is informed of the jump first."""
 _KEPT = 30
 _LATELY_S = 2.0
-_FRAMES_TOLD = 6
 _TOUCH_LASTS_S = 2 * CONTROL_STEP_S
 """Time for which a contact of the bumper is reported, in seconds; the navigator asks once per control step."""
 
@@ -87,6 +82,10 @@ class Stream:
         self.count += 1
         self.refusal = None
 
+    def refuse(self, error: RobotError) -> None:
+        """Keep the reason why a message was rejected."""
+        self.refusal = str(error)
+
     def _check_clock(self, item: Stamped) -> None:
         """Drop older messages after the robot's clock was set. Raises RobotError until that is certain."""
         if not self.kept:
@@ -134,7 +133,6 @@ class SensorInbox:
         topics = profile.topics
         self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, profile.odometry_topic))
         self._edge = profile.odometry_transform
-        self._other_edges: dict[tuple[str, str], None] = {}
         self.camera_info: Any = None
         """The last CameraInfo."""
         self.battery: float | None = None
@@ -151,45 +149,50 @@ class SensorInbox:
         """The streams of colours, depth and odometry."""
         return self.colour, self.depth, self.odometry
 
-    def take_image(self, stream: Stream, received: Received) -> None:
-        """Keep an image of colours or of depth."""
-        with self._changed:
-            stream.add(received, received.message)
-            self._changed.notify_all()
+    def subscribe(self, link: ZenohLink, topics: RobotTopics) -> None:
+        """Receive the messages of a robot."""
+        link.subscribe(topics.colour, partial(self._take_image, self.colour), self.colour.refuse)
+        link.subscribe(topics.depth, partial(self._take_image, self.depth), self.depth.refuse)
+        take_pose = self._take_odometry if self._edge is None else self.take_transforms
+        link.subscribe(topics.odometry, take_pose, self.odometry.refuse)
+        link.subscribe(topics.camera_info, self._take_camera_info, self.colour.refuse)
+        if topics.battery:
+            link.subscribe(topics.battery, self._take_battery)
+        if topics.bumper:
+            link.subscribe(topics.bumper, self.take_bumper)
+        if topics.truth:
+            link.subscribe(topics.truth, self.take_truth)
 
-    def take_odometry(self, received: Received) -> None:
-        """Keep an odometry message."""
-        pose = read_odometry(received.message, self.odometry.topic)
-        with self._changed:
-            self.odometry.add(received, pose)
-            self._changed.notify_all()
+    def _take_image(self, stream: Stream, received: Received) -> None:
+        self._add(stream, received, received.message)
+
+    def _take_odometry(self, received: Received) -> None:
+        self._add(self.odometry, received, read_odometry(received.message, self.odometry.topic))
 
     def take_transforms(self, received: Received) -> None:
         """Keep the robot's odometry pose from the tf tree; other parts of the tree are ignored."""
         assert self._edge is not None  # Otherwise the topic has no subscription.
-        wanted = self._edge.parent, self._edge.child
-        edges = edges_of(received.message)
-        if wanted in edges:
-            pose = read_transform(edges[wanted], self.odometry.topic)
-            with self._changed:
-                self.odometry.add(received._replace(message=edges[wanted]), pose)
-                self._changed.notify_all()
+        found = edges_of(received.message).get((self._edge.parent, self._edge.child))
+        if found is not None:
+            pose = read_transform(found, self.odometry.topic)
+            self._add(self.odometry, received._replace(message=found), pose)
         elif not self.odometry.count:
-            self._other_edges = dict.fromkeys(list(self._other_edges | dict.fromkeys(edges))[:_FRAMES_TOLD])
-            told = ", ".join(f"{parent:.40} to {child:.40}" for parent, child in self._other_edges)
             self.odometry.refusal = (
-                f"it has no transform from {wanted[0]} to {wanted[1]}, but {told or 'none at all'}: correct "
-                "odometry_transform.parent or odometry_transform.child in the profile"
+                f"it has no transform from {self._edge.parent} to {self._edge.child}: correct odometry_transform in "
+                "the profile"
             )
 
-    def take_camera_info(self, received: Received) -> None:
-        """Keep the CameraInfo."""
+    def _add(self, stream: Stream, received: Received, content: Any) -> None:
+        with self._changed:
+            stream.add(received, content)
+            self._changed.notify_all()
+
+    def _take_camera_info(self, received: Received) -> None:
         with self._changed:
             self.camera_info = received.message
             self._changed.notify_all()
 
-    def take_battery(self, received: Received) -> None:
-        """Keep the charge of the battery."""
+    def _take_battery(self, received: Received) -> None:
         self.battery = read_battery(received.message)
 
     def take_bumper(self, received: Received) -> None:

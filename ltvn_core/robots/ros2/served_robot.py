@@ -20,8 +20,7 @@ from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.robot_sensors import colour_topic, depth_topic, odometry_topic
-from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.robot_topics import RobotTopics
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, DEPTH_HEADER
 from ltvn_core.robots.ros2.ros_messages import (
     CAMERA_FRAME,
@@ -33,8 +32,8 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, Topic, command_type, type_store
-from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
+from ltvn_core.robots.ros2.topic_keys import type_store
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose, Rgb, Twist
 
 _QUALITY = 95
@@ -74,27 +73,21 @@ class ServedRobot:
         self._robot = robot
         self._lease = DriveLease(time.monotonic, limits=robot.spec.speeds)
         self._freshness = Freshness(profile.topics.command, most_late_s=MOST_LATE_COMMAND_S)
-        self._complaints = Complaints()
-        self.refusal: str | None = None
-        """Reason why the last command was refused; None if it was obeyed."""
-        self._source = profile.topics.command
         self._seen: Observation | None = None
-        topics = profile.topics
-        domain = profile.domain
+        topics = RobotTopics.of(profile)
         camera = profile.camera
         self._colour_message = compressed_colour_message if camera.compressed_colour else image_message
         self._depth_message = compressed_depth_message if camera.compressed_depth else image_message
-        self._colour = link.publisher(colour_topic(profile), best_effort=True)
-        self._depth = link.publisher(depth_topic(profile), best_effort=True)
-        self._info = link.publisher(Topic(topics.camera_info, CAMERA_INFO, domain), best_effort=True)
+        self._colour = link.publisher(topics.colour, best_effort=True)
+        self._depth = link.publisher(topics.depth, best_effort=True)
+        self._info = link.publisher(topics.camera_info, best_effort=True)
         self._edge = profile.odometry_transform
-        self._odometry = link.publisher(odometry_topic(profile))
-        self._truth = truth if topics.truth else None
-        if self._truth is not None:
-            self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
-        self._bumper = link.publisher(Topic(topics.bumper, BUMPER, domain)) if topics.bumper else None
-        kind = command_type(stamped=profile.driving.stamped)
-        link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
+        self._odometry = link.publisher(topics.odometry)
+        self._truth = truth
+        self._true_pose = link.publisher(topics.truth) if topics.truth and truth else None
+        self._bumper = link.publisher(topics.bumper) if topics.bumper else None
+        self._source = topics.command.name
+        link.subscribe(topics.command, self._take_command)
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Run in real time, and publish an image with odometry 10 times a second, until `is_over` returns True."""
@@ -105,22 +98,20 @@ class ServedRobot:
             if now_s - looked_s >= CONTROL_STEP_S:
                 looked_s = now_s if now_s - looked_s > 2 * CONTROL_STEP_S else looked_s + CONTROL_STEP_S
                 self._look()
-            self._turn_wheels()
+            # The robot's own lease runs on simulated time, ours on real time; it expires even if this process was
+            # stopped.
+            self._robot.drive(self._lease.command())
             now_s = time.monotonic()
             self._robot.clock.advance(min(now_s - passed_s, _MOST_MADE_UP_S))
             passed_s = now_s
             time.sleep(TURN_S)
         self._robot.stop()
 
-    def _turn_wheels(self) -> None:
-        # The robot's own lease runs on simulated time, ours on real time; it expires even if this process was stopped.
-        self._robot.drive(self._lease.command())
-
     def _look(self) -> None:
         stamp_s = time.time()
         seen = self._robot.observe()
         self._odometry.put(self._place(seen, stamp_s))
-        if self._truth is not None:
+        if self._truth is not None and self._true_pose is not None:
             self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
         if self._bumper is not None:
             self._bumper.put(bumper_message(pressed=self._robot.state().bumper_pressed))
@@ -149,8 +140,3 @@ class ServedRobot:
         except RobotError:
             self._lease.cancel()  # A driver that sends invalid speeds is broken, and must not keep the robot moving.
             raise
-        self.refusal = None
-
-    def _refuse(self, error: RobotError) -> None:
-        self.refusal = str(error)
-        self._complaints.say(error)

@@ -5,7 +5,6 @@ the layout of the attachment of each message, 33 bytes with its sequence number,
 runs ROS reads attachments unchecked, and an invalid one crashes its process. Sends nothing.
 """
 
-import hashlib
 import struct
 from dataclasses import dataclass
 from enum import Enum
@@ -72,9 +71,8 @@ GID_BYTES = 16
 _LAYOUT = struct.Struct(f"<qqB{GID_BYTES}s")
 """Sequence number, nanoseconds, length of the sender's id, and the sender's id."""
 TOKENS = "@ros2_lv"
-BRIDGE_TOKENS = f"@/*/{TOKENS}/**"
-"""Key expression of the liveliness tokens of zenoh-bridge-ros2dds, whose messages are not those of `rmw_zenoh`."""
-_DEFAULT_QOS_REST = ":,:,:,,"
+_QOS_REST = "::,1:,:,:,,"
+"""Default quality of service after its reliability: a queue of one message."""
 
 
 class Attachment(NamedTuple):
@@ -140,18 +138,6 @@ class Topic:
         return f"{self._place}/{dds_name(self.type_name)}/{NO_HASH}"
 
     @property
-    def subscriber_tokens(self) -> str:
-        """Key expression of the liveliness tokens of subscribers to this topic, of any type and edition."""
-        return token_pattern(Role.SUBSCRIBES, domain=str(self.domain), name=self.name)
-
-    def fits(self, declared: "Declared") -> bool:
-        """Tell whether an endpoint has this topic and type, in an edition of the type that can be decoded."""
-        return declared[2:] in (self._as_declared(type_hash(self.type_name)), self._as_declared(NO_HASH))
-
-    def _as_declared(self, edition: str) -> tuple[str, str, str, str]:
-        return str(self.domain), self.name, self.type_name, edition
-
-    @property
     def any_type_key(self) -> str:
         """Key expression for messages of any type, so that a wrong type can be distinguished from no message."""
         return f"{self._place}/*/*"
@@ -159,6 +145,27 @@ class Topic:
     @property
     def _place(self) -> str:
         return f"{self.domain}/{self.name.strip('/')}"
+
+    def token(self, role: Role, *, session: str, node: str, number: int, best_effort: bool = False) -> str:
+        """Return the liveliness token of an endpoint, which exists as long as the endpoint does.
+
+        Args:
+            role: Whether the node publishes or subscribes.
+            session: The Zenoh id of the session.
+            node: Name of the node, in the root namespace.
+            number: Number of the endpoint in the session; 0 is the node itself.
+            best_effort: Whether lost messages are not sent again.
+        """
+        return (
+            f"{TOKENS}/{self.domain}/{session}/0/{number}/{role.value}/%/%/{node}/{self.name.replace('/', '%')}/"
+            f"{dds_name(self.type_name)}/{type_hash(self.type_name)}/{'2' if best_effort else ''}{_QOS_REST}"
+        )
+
+    def edition_of(self, token: str) -> str | None:
+        """Return the hash in a token of this topic, or `NO_HASH`; None if its messages cannot be decoded."""
+        kind, edition = token.split("/")[10:12]
+        is_known = kind == dds_name(self.type_name) and edition in (type_hash(self.type_name), NO_HASH)
+        return edition if is_known else None
 
     def check_key(self, key: str) -> None:
         """Raise RobotError if a message of this topic has another type, or another edition of this type."""
@@ -175,62 +182,8 @@ class Topic:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
-    """One publisher or subscriber of a node, as shown by `ros2 topic list`."""
-
-    session: str
-    """The Zenoh id of the session."""
-    node: str
-    """Name of the node, in the root namespace."""
-    number: int
-    """Number of the endpoint in the session; 0 is the node itself."""
-    role: Role
-    topic: Topic
-    best_effort: bool = False
-    """Whether lost messages are not sent again."""
-    depth: int = 1
-    """Maximum length of the message queue."""
-
-    @property
-    def token(self) -> str:
-        """The liveliness token, which exists as long as the endpoint does."""
-        topic = self.topic
-        mangled = topic.name.replace("/", "%")
-        qos = f"{'2' if self.best_effort else ''}::,{self.depth}{_DEFAULT_QOS_REST}"
-        return (
-            f"{TOKENS}/{topic.domain}/{self.session}/0/{self.number}/{self.role.value}/%/%/{self.node}/"
-            f"{mangled}/{dds_name(topic.type_name)}/{type_hash(topic.type_name)}/{qos}"
-        )
-
-    @property
-    def gid(self) -> bytes:
-        """Id of this endpoint in the attachment of its messages, 16 bytes."""
-        return hashlib.blake2b(self.token.encode(), digest_size=GID_BYTES).digest()
-
-
-class Declared(NamedTuple):
-    """An endpoint of any node, as its liveliness token declares it."""
-
-    role: Role
-    node: str
-    domain: str
-    """The ROS_DOMAIN_ID, as text."""
-    name: str
-    """Name of the topic with its namespace, such as `/robot1/odom`."""
-    type_name: str
-    edition: str
-    """Hash of the type, or `NO_HASH`."""
-
-    @classmethod
-    def from_token(cls, token: str) -> "Declared":
-        """Read a token that matches `token_pattern`."""
-        parts = token.split("/")
-        return cls(Role(parts[5]), parts[8], parts[1], parts[9].replace("%", "/"), ros_name(parts[10]), parts[11])
-
-
-def token_pattern(role: Role, *, domain: str = "*", name: str = "*") -> str:
-    """Return the key expression of the liveliness tokens of endpoints."""
+def endpoint_tokens(role: Role, domain: int, name: str) -> str:
+    """Return the key expression of the tokens of endpoints of a topic, of any type and edition."""
     return f"{TOKENS}/{domain}/*/*/*/{role.value}/*/*/*/{name.replace('/', '%')}/*/*/*"
 
 

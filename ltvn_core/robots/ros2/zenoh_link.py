@@ -6,30 +6,30 @@ by itself, and messages in the meantime are lost instead of queued. Errors in a 
 limit per kind, so that the log stays readable.
 """
 
+import hashlib
 import json
 import logging
+import math
 import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
 import zenoh
 
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.topic_keys import (
-    BRIDGE_TOKENS,
+    GID_BYTES,
     NO_HASH,
     Attachment,
-    Declared,
-    Endpoint,
     Role,
     Topic,
     decode,
     encode,
+    endpoint_tokens,
     node_token,
-    token_pattern,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -38,21 +38,6 @@ _CONNECT_MS = 3000
 _ADDRESS = re.compile(r"(tcp|tls|quic|udp|ws)/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):([0-9]{1,5})")
 LOOPBACK = "tcp/127.0.0.1:7447"
 """Default address of a router on this machine."""
-
-
-class Complaints:
-    """Logs errors with a rate limit."""
-
-    def __init__(self) -> None:
-        self._said_s: dict[str, float] = {}
-
-    def say(self, error: RobotError) -> None:
-        """Log an error, unless the same one was logged in the last 5 seconds; numbers in the text are ignored."""
-        kind = re.sub(r"[0-9.]+", "#", str(error))
-        now_s = time.monotonic()
-        if now_s - self._said_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
-            self._said_s[kind] = now_s
-            _LOG.warning("%s", error)
 
 
 class Received(NamedTuple):
@@ -71,10 +56,11 @@ class ZenohLink:
         """Called by `connect` and `listen`."""
         self.address = address
         """Address of the router."""
-        self.domain = domain
+        self._domain = domain
         self._session = session
         self._node = node
         self._endpoints = 0
+        self._said_s: dict[str, float] = {}
         self._declared: list[Any] = [session.liveliness().declare_token(node_token(str(session.zid()), node, domain))]
 
     @classmethod
@@ -106,63 +92,56 @@ class ZenohLink:
 
     def publisher(self, topic: Topic, *, best_effort: bool = False) -> "TopicPublisher":
         """Announce a publisher of a topic."""
-        endpoint = self._announce(topic, Role.PUBLISHES, best_effort)
-        return self._keep(TopicPublisher(_declare_publisher(self._session, topic, topic.key), endpoint))
+        token = self._announce(topic, Role.PUBLISHES, best_effort)
+        return self._keep(TopicPublisher(self._session, topic, token))
 
-    def command_publisher(self, topic: Topic) -> "TopicPublisher":
-        """Announce a publisher of commands, for robots with any edition of ROS 2.
+    def command_publisher(self, topic: Topic) -> "CommandPublisher":
+        """Announce a publisher of commands."""
+        token = self._announce(topic, Role.PUBLISHES, best_effort=False)
+        return self._keep(CommandPublisher(self._session, topic, token))
 
-        Other messages are published only for editions with type hashes, because a subscriber to all keys would receive
-        them twice.
-        """
-        publisher = self.publisher(topic)
-        listeners = Listeners(topic, _declare_publisher(self._session, topic, topic.unhashed_key))
-        self._keep(self._session.liveliness().declare_subscriber(topic.subscriber_tokens, listeners.take, history=True))
-        publisher.listeners = listeners
-        return publisher
+    def subscribe(
+        self,
+        topic: Topic,
+        take: Callable[[Received], None],
+        refuse: Callable[[RobotError], None] = lambda error: None,
+    ) -> None:
+        """Call `take` with each message, and `refuse` with the error of a message that cannot be read or taken.
 
-    def subscribe(self, topic: Topic, take: Callable[[Received], None], refuse: Callable[[RobotError], None]) -> None:
-        """Call `take` with each message, and `refuse` with the error of a message that cannot be read.
-
-        Both are called in a thread of the link, one message at a time. A RobotError from `take` also goes to `refuse`.
+        Both are called in a thread of the link, one message at a time. Errors are logged too.
         """
 
         def receive(sample: zenoh.Sample) -> None:
             arrived_s = time.monotonic()
             try:
-                take(_read(sample, topic, arrived_s))
+                topic.check_key(str(sample.key_expr))
+                beside = None if sample.attachment is None else sample.attachment.to_bytes()
+                attachment = Attachment.from_bytes(beside, topic.name)
+                take(Received(decode(sample.payload.to_bytes(), topic.type_name, topic.name), attachment, arrived_s))
             except LtvnError as error:
-                refuse(error if isinstance(error, RobotError) else RobotError(str(error)))
+                refused = error if isinstance(error, RobotError) else RobotError(str(error))
+                refuse(refused)
+                self.complain(refused)
             except Exception:  # Zenoh would drop the exception silently.
                 _LOG.exception("%s: a message could not be handled.", topic.name)
 
         self._keep(self._session.declare_subscriber(topic.any_type_key, receive))
         self._announce(topic, Role.SUBSCRIBES, best_effort=False)  # A node that sees the token may send at once.
 
+    def complain(self, error: RobotError) -> None:
+        """Log an error, unless the same one was logged in the last 5 seconds; numbers in the text are ignored."""
+        kind = re.sub(r"[0-9.]+", "#", str(error))
+        now_s = time.monotonic()
+        if now_s - self._said_s.get(kind, -math.inf) >= _AGAIN_S:
+            self._said_s[kind] = now_s
+            _LOG.warning("%s", error)
+
     def publishers(self, name: str) -> list[str]:
-        """Return the nodes that announce a publisher of a topic, such as `/odom`."""
-        found = self.declared(Role.PUBLISHES)
-        return sorted(each.node for each in found if (each.domain, each.name) == (str(self.domain), name))
-
-    def declared(self, role: Role) -> list[Declared]:
-        """Return all endpoints of a role, in any domain. Waits up to 1 s; not to be called in a thread of the link."""
-        replies = [reply.ok for reply in self._session.liveliness().get(token_pattern(role), timeout=1.0)]
-        return [Declared.from_token(str(reply.key_expr)) for reply in replies if reply is not None]
-
-    def hears_dds_bridge(self, names: Iterable[str]) -> bool:
-        """Tell whether a zenoh-bridge-ros2dds answers, by its tokens or by messages whose keys are bare topic names.
-
-        Waits up to 2 s; not to be called in a thread of the link.
-        """
-        if any(reply.ok is not None for reply in self._session.liveliness().get(BRIDGE_TOKENS, timeout=1.0)):
-            return True
-        heard = threading.Event()
-        keys = {f"**/{name.strip('/')}" for name in names}
-        listening = [self._session.declare_subscriber(key, lambda _: heard.set()) for key in keys]
-        heard.wait(1.0)
-        for each in listening:
-            each.undeclare()
-        return heard.is_set()
+        """Return the nodes that announce a publisher of a topic, such as `/odom`. Waits up to 1 s; not to be called in
+        a thread of the link."""
+        tokens = endpoint_tokens(Role.PUBLISHES, self._domain, name)
+        replies = [reply.ok for reply in self._session.liveliness().get(tokens, timeout=1.0)]
+        return sorted(str(reply.key_expr).split("/")[8] for reply in replies if reply is not None)
 
     def close(self) -> None:
         """Undeclare everything and disconnect; closing twice is allowed."""
@@ -172,83 +151,33 @@ class ZenohLink:
         if not self._session.is_closed():
             self._session.close()
 
-    def _announce(self, topic: Topic, role: Role, best_effort: bool) -> Endpoint:
+    def _announce(self, topic: Topic, role: Role, best_effort: bool) -> str:
+        """Declare the liveliness token of a new endpoint, and return it."""
         self._endpoints += 1
-        endpoint = Endpoint(
-            session=str(self._session.zid()),
-            node=self._node,
-            number=self._endpoints,
-            role=role,
-            topic=topic,
-            best_effort=best_effort,
-        )
-        self._keep(self._session.liveliness().declare_token(endpoint.token))
-        return endpoint
+        session = str(self._session.zid())
+        token = topic.token(role, session=session, node=self._node, number=self._endpoints, best_effort=best_effort)
+        self._keep(self._session.liveliness().declare_token(token))
+        return token
 
     def _keep(self, declared: Any) -> Any:
         self._declared.append(declared)
         return declared
 
 
-class Listeners:
-    """Subscribers to a topic of commands, by their liveliness tokens, and the publisher for those of ROS 2 Humble."""
-
-    def __init__(self, topic: Topic, unhashed: zenoh.Publisher) -> None:
-        self._topic = topic
-        self._unhashed = unhashed
-        self._found: dict[str, Declared] = {}
-
-    def __bool__(self) -> bool:
-        """Tell whether any subscriber can read the messages."""
-        return any(map(self._topic.fits, self._all))
-
-    @property
-    def other_types(self) -> list[str]:
-        """The types that other subscribers expect instead."""
-        return sorted({each.type_name for each in self._all} - {self._topic.type_name})
-
-    @property
-    def _all(self) -> list[Declared]:
-        return list(self._found.values())
-
-    def take(self, token: zenoh.Sample) -> None:
-        """Register that a subscriber appeared or disappeared."""
-        key = str(token.key_expr)
-        if token.kind == zenoh.SampleKind.DELETE:
-            self._found.pop(key, None)
-        else:
-            self._found[key] = Declared.from_token(key)
-
-    def put(self, payload: bytes, attachment: bytes) -> None:
-        """Send a message if there is any subscriber of ROS 2 Humble."""
-        if any(each.edition == NO_HASH and self._topic.fits(each) for each in self._all):
-            self._unhashed.put(payload, attachment=attachment)
-
-    def undeclare(self) -> None:
-        """Withdraw the publisher."""
-        self._unhashed.undeclare()
-
-
 class TopicPublisher:
     """Sends messages of one topic, with a sequence number and its id. May be used from any thread."""
 
-    listeners: Listeners | None = None
-    """Subscribers to commands; None for other messages."""
-
-    def __init__(self, publisher: zenoh.Publisher, endpoint: Endpoint) -> None:
-        self._publisher = publisher
-        self._gid = endpoint.gid
+    def __init__(self, session: zenoh.Session, topic: Topic, token: str) -> None:
+        self._gid = hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
         self._sequence = 0
-        self._is_open = True
         self._lock = threading.Lock()
+        self._publisher: zenoh.Publisher | None = _declare_publisher(session, topic, topic.key)
 
     @property
     def has_listener(self) -> bool:
-        """Whether the topic has a subscriber now; for commands, one that declares their type."""
-        if self.listeners is not None:
-            return bool(self.listeners)
+        """Whether the topic has a subscriber now."""
         with self._lock:
-            status: Any = self._publisher.matching_status if self._is_open else None  # The stub declares bool.
+            status: Any = None if self._publisher is None else self._publisher.matching_status  # Not bool.
             return status is not None and bool(status.matching)
 
     def put(self, message: Any) -> None:
@@ -256,21 +185,60 @@ class TopicPublisher:
         outdated."""
         payload = encode(message)
         with self._lock:
-            if not self._is_open:
-                return
-            self._sequence += 1
-            attachment = Attachment(self._sequence, time.time_ns(), self._gid).to_bytes()
-            self._publisher.put(payload, attachment=attachment)
-            if self.listeners is not None:
-                self.listeners.put(payload, attachment)
+            if self._publisher is not None:
+                self._sequence += 1
+                attachment = Attachment(self._sequence, time.time_ns(), self._gid).to_bytes()
+                self._publisher.put(payload, attachment=attachment)
+                self._put_unhashed(payload, attachment)
+
+    def _put_unhashed(self, payload: bytes, attachment: bytes) -> None:
+        """Send a message to robots of ROS 2 Humble; only commands are."""
 
     def undeclare(self) -> None:
         """Withdraw the publisher; waits for a message that another thread is sending."""
         with self._lock:
-            self._is_open = False
-            self._publisher.undeclare()
-            if self.listeners is not None:
-                self.listeners.undeclare()
+            if self._publisher is not None:
+                self._publisher.undeclare()
+                self._publisher = None
+
+
+class CommandPublisher(TopicPublisher):
+    """Sends commands to robots with any edition of ROS 2; knows their subscribers by their liveliness tokens.
+
+    Other messages are sent only to editions with type hashes, because a subscriber to all keys would get them twice.
+    """
+
+    def __init__(self, session: zenoh.Session, topic: Topic, token: str) -> None:
+        super().__init__(session, topic, token)
+        self._topic = topic
+        self._editions: dict[str, str] = {}
+        self._unhashed = _declare_publisher(session, topic, topic.unhashed_key)
+        tokens = endpoint_tokens(Role.SUBSCRIBES, topic.domain, topic.name)
+        self._tokens = session.liveliness().declare_subscriber(tokens, self._take, history=True)
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether a subscriber can read the commands."""
+        return bool(self._editions)
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        token = str(sample.key_expr)
+        edition = self._topic.edition_of(token)
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self._editions.pop(token, None)
+        elif edition is not None:
+            self._editions[token] = edition
+
+    def _put_unhashed(self, payload: bytes, attachment: bytes) -> None:
+        if NO_HASH in list(self._editions.values()):
+            self._unhashed.put(payload, attachment=attachment)
+
+    def undeclare(self) -> None:
+        """Withdraw the publishers."""
+        super().undeclare()
+        with self._lock:
+            self._tokens.undeclare()
+            self._unhashed.undeclare()
 
 
 def check_address(address: str) -> tuple[str, str, int]:
@@ -308,11 +276,3 @@ def _declare_publisher(session: zenoh.Session, topic: Topic, key: str) -> zenoh.
         priority=zenoh.Priority.INTERACTIVE_HIGH if "Twist" in topic.type_name else zenoh.Priority.DATA,
         express=True,
     )
-
-
-def _read(sample: zenoh.Sample, topic: Topic, arrived_s: float) -> Received:
-    """Check and decode a message. Raises RobotError."""
-    topic.check_key(str(sample.key_expr))
-    beside = None if sample.attachment is None else sample.attachment.to_bytes()
-    attachment = Attachment.from_bytes(beside, topic.name)
-    return Received(decode(sample.payload.to_bytes(), topic.type_name, topic.name), attachment, arrived_s)

@@ -1,6 +1,5 @@
 """What some robots of ROS 2 say in another way: where they are, by the tree of frames, and what they see."""
 
-import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -24,7 +23,7 @@ from ltvn_core.robots.ros2.ros_messages import (
 )
 from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.served_robot import compressed_depth_message
-from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic, encode
+from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Observation, RobotState, Twist
 from tests.core.flat_world import FlatRobot, one_room
@@ -69,11 +68,10 @@ def test_odometry_comes_from_the_tree_of_frames() -> None:
         assert robot.inbox.odometry.refusal is None
 
 
-def test_a_transform_that_never_comes_is_named_with_those_that_do() -> None:
+def test_a_transform_that_never_comes_is_named() -> None:
     inbox = SensorInbox(TREE)
-    for child in ("base_link", "camera"):
-        inbox.take_transforms(_received(transform_message(np.zeros(3), 1.0, "odom", child)))
-    assert "no transform from odom to base, but odom to base_link, odom to camera: correct" in inbox.complaint(2.0)
+    inbox.take_transforms(_received(transform_message(np.zeros(3), 1.0, "odom", "camera")))
+    assert "no transform from odom to base" in inbox.complaint(2.0)
 
 
 def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> None:
@@ -84,7 +82,7 @@ def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> N
         np.testing.assert_allclose(seen.rgb[40, 40], (200, 100, 30), atol=3)
         np.testing.assert_allclose(seen.require_depth("a test"), 1.5, rtol=1e-5)
         served.size = 144, 192
-        with pytest.raises(RobotError, match="image_raw is now 192 x 144, but was 96 x 72"):
+        with pytest.raises(RobotError, match=r"image_raw is now 192 x 144, but .* was 96 x 72"):
             until(lambda: robot.observe() is None)
 
 
@@ -156,33 +154,3 @@ def test_the_check_names_a_bumper_that_nobody_publishes() -> None:
     with served_here(PlacedRobot(), without) as address, closing(opened(address, changed_profile())) as robot:
         doubts = look_over(robot, seconds=0.5, drives=False).doubts
     assert [doubt for doubt in doubts if "publishes /bumper" in doubt]
-
-
-@pytest.mark.parametrize("has_tokens", [True, False])
-def test_a_robot_behind_a_bridge_of_dds_is_told_to_run_rmw_zenoh(has_tokens: bool) -> None:
-    profile, over = changed_profile(), threading.Event()
-    with ZenohLink.listen("tcp/127.0.0.1:0", node="bridge") as link:
-        session: Any = link._session
-        token = f"@/{session.zid()}/@ros2_lv/MP/odom/nav_msgs§msg§Odometry/::,2:"
-        kept = session.liveliness().declare_token(token) if has_tokens else None
-        odometry = encode(odometry_message(np.zeros(3), Twist(0.0, 0.0), 1.0))
-
-        def speak() -> None:
-            while not over.wait(0.05):
-                session.put("odom", odometry)
-
-        speaking = threading.Thread(target=speak)
-        speaking.start()
-        try:
-            with pytest.raises(RobotError, match=r"bridge.* must run rmw_zenoh"):
-                opened(link.address, profile, patience_s=0.2)
-        finally:
-            over.set()
-            speaking.join()
-            del kept
-
-
-def test_a_router_without_a_robot_is_no_bridge() -> None:
-    with ZenohLink.listen("tcp/127.0.0.1:0", node="router") as link, pytest.raises(RobotError) as told:
-        opened(link.address, changed_profile(), patience_s=0.2)
-    assert "bridge" not in str(told.value)

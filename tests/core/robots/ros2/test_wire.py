@@ -16,9 +16,8 @@ from zenoh_ros2_sdk.keyexpr import endpoint_liveliness_keyexpr, node_liveliness_
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, RobotError
-from ltvn_core.robots.ros2.robot_sensors import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres, image_size
 from ltvn_core.robots.ros2.ros_messages import (
     bumper_message,
     camera_info_message,
@@ -40,7 +39,6 @@ from ltvn_core.robots.ros2.topic_keys import (
     TWIST,
     TWIST_STAMPED,
     Attachment,
-    Endpoint,
     Role,
     Topic,
     decode,
@@ -128,8 +126,8 @@ def test_compressed_colours_are_a_jpeg_with_its_format_before() -> None:
     assert encode(message) == expected.bytes()
     assert jpeg[:3] == b"\xff\xd8\xff"
     received = decode(expected.bytes(), COMPRESSED_IMAGE, "/image")
-    assert sensor_size(received, "/image") == (64, 48)
-    np.testing.assert_allclose(sensor_colours(received, "/image")[20, 20], (200, 100, 30), atol=3)
+    assert image_size(received, "/image") == (64, 48)
+    np.testing.assert_allclose(decode_colours(received, "/image")[20, 20], (200, 100, 30), atol=3)
 
 
 def test_compressed_depth_is_a_png_of_millimetres_behind_twelve_bytes() -> None:
@@ -139,10 +137,10 @@ def test_compressed_depth_is_a_png_of_millimetres_behind_twelve_bytes() -> None:
 
     assert (message.format, data[:12], data[12:20]) == ("16UC1; compressedDepth png", bytes(12), b"\x89PNG\r\n\x1a\n")
     received = decode(encode(message), COMPRESSED_IMAGE, "/depth")
-    assert sensor_size(received, "/depth") == (3, 2)
+    assert image_size(received, "/depth") == (3, 2)
     expected = [[0.5, 1.25, 0.0], [0.0, 3.0, 9.75]]
-    np.testing.assert_allclose(sensor_depth(received, "/depth", 0.001), expected, rtol=1e-5)
-    np.testing.assert_allclose(sensor_depth(received, "/depth", 0.0005), np.array(expected) / 2, rtol=1e-5)
+    np.testing.assert_allclose(decode_metres(received, "/depth", 0.001), expected, rtol=1e-5)
+    np.testing.assert_allclose(decode_metres(received, "/depth", 0.0005), np.array(expected) / 2, rtol=1e-5)
 
 
 def compressed(data: bytes, form: str) -> Any:
@@ -159,8 +157,8 @@ def test_an_image_that_unpacks_to_too_much_is_refused_before_it_is_decoded() -> 
         (bytes(12) + large, "16UC1; compressedDepth png"),
         (bytes(12) + struct.pack("<II", 5000, 5000) + bytes(8), "16UC1; compressedDepth rvl"),
     ):
-        with pytest.raises(RobotError, match="/image: 5000 x 5000 pixels"):
-            sensor_size(compressed(data, form), "/image")
+        with pytest.raises(DriveError, match="/image: 5000 x 5000 pixels"):
+            image_size(compressed(data, form), "/image")
 
 
 @pytest.mark.parametrize(
@@ -174,14 +172,14 @@ def test_an_image_that_unpacks_to_too_much_is_refused_before_it_is_decoded() -> 
     ],
 )
 def test_a_compressed_image_that_is_none_is_refused(data: bytes, form: str, message: str) -> None:
-    with pytest.raises(RobotError, match=f"^/image.* {message}"):
-        sensor_size(compressed(data, form), "/image")
+    with pytest.raises(DriveError, match=f"^/image.* {message}"):
+        image_size(compressed(data, form), "/image")
 
 
 def test_colours_where_depth_belongs_are_refused() -> None:
     message = compressed_colour_message(np.zeros((4, 4, 3), np.uint8), STAMP_S)
-    with pytest.raises(RobotError, match="/depth is not a depth image"):
-        sensor_depth(message, "/depth", 0.001)
+    with pytest.raises(DriveError, match="/depth is not a depth image"):
+        decode_metres(message, "/depth", 0.001)
 
 
 def test_odometry_is_a_pose_and_speeds_with_their_covariances() -> None:
@@ -242,7 +240,7 @@ def test_another_attachment_is_refused_and_the_topic_named(data: bytes | None) -
 
 def test_keys_and_tokens_are_those_of_another_maker() -> None:
     topic = Topic("/robot/cmd_vel", TWIST, domain=3)
-    ours = Endpoint(session="ab12", node="ltvn", number=2, role=Role.PUBLISHES, topic=topic, best_effort=True, depth=5)
+    ours = topic.token(Role.PUBLISHES, session="ab12", node="ltvn", number=2, best_effort=True)
     node = Them.NodeEntity(domain_id=3, session_id="ab12", node_id=0, node_name="ltvn", namespace="/")
     theirs = Them.EndpointEntity(
         node=node,
@@ -251,12 +249,12 @@ def test_keys_and_tokens_are_those_of_another_maker() -> None:
         name="/robot/cmd_vel",
         dds_type_name="geometry_msgs::msg::dds_::Twist_",
         type_hash=TWIST_HASH,
-        qos=TheirQos.QosProfile(reliability=TheirQos.QosReliability.BEST_EFFORT, history_depth=5).encode(),
+        qos=TheirQos.QosProfile(reliability=TheirQos.QosReliability.BEST_EFFORT, history_depth=1).encode(),
         gid=GID,
     )
 
     assert topic.key == topic_keyexpr(3, "/robot/cmd_vel", "geometry_msgs::msg::dds_::Twist_", TWIST_HASH)
-    assert ours.token == endpoint_liveliness_keyexpr(theirs)
+    assert ours == endpoint_liveliness_keyexpr(theirs)
     assert node_token("ab12", "ltvn", 3) == node_liveliness_keyexpr(node)
 
 

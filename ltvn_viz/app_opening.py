@@ -28,7 +28,6 @@ from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_core.predictors.choice import AUTO, ImageSource
 from ltvn_core.predictors.opening import NETWORK, open_method, simulated_robot
-from ltvn_core.robots.link_report import link_of
 from ltvn_core.robots.robot import Robot, open_loop_word
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
@@ -158,7 +157,7 @@ def open_app_state(
 
 
 def _link(backend: Backend) -> RobotLink | None:
-    ask = link_of(backend.robot)
+    ask = getattr(backend.robot, "link_report", None)
     return None if ask is None or backend.robot is None else RobotLink(backend.robot.spec.name, ask)
 
 

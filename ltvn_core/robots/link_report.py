@@ -4,7 +4,6 @@ nothing.
 A robot of your own may provide a method `link_report()`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -57,8 +56,3 @@ class LinkReport:
             or self.lost_share > _MANY_LOST
         )
         return LinkQuality.WEAK if is_weak else LinkQuality.GOOD
-
-
-def link_of(robot: object) -> Callable[[], LinkReport] | None:
-    """Return the function that reports a robot's connection; None without a connection, as in simulation."""
-    return getattr(robot, "link_report", None)

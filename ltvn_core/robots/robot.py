@@ -1,7 +1,7 @@
 """The robot interface: what the session, the command line and the navigator need of a robot.
 
-Owns the Protocols `Robot` and `Clock`; `WallClock`, the clock of every real robot; and the check that a robot obeys
-commands, because a replayed recording does not. A robot of your own implements `Robot`;
+Owns the Protocols `Robot` and `Clock`; `WallClock`, the clock of every real robot; and the reason why a robot does not
+obey commands, as a replayed recording does not. A robot of your own implements `Robot`;
 `ltvn_core.robots.robot_view.fit_camera` adapts its camera to any predictor.
 """
 
@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from ltvn_core.errors import OptionError
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState, Twist
 
@@ -104,9 +103,3 @@ def open_loop_word(robot: object) -> str:
     A robot of your own may provide it as an attribute `open_loop`.
     """
     return str(getattr(robot, "open_loop", ""))
-
-
-def require_drivable(robot: object) -> None:
-    """Raise OptionError if a robot does not obey commands."""
-    if word := open_loop_word(robot):
-        raise OptionError(word)

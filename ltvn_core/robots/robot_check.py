@@ -6,7 +6,6 @@ Owns the rules and their limits. An observation that is invalid by itself is rej
 
 import zlib
 from collections.abc import Iterable, Iterator
-from enum import Enum, auto
 
 import numpy as np
 
@@ -27,24 +26,13 @@ ALIKE_TRAVEL_M = 1.0
 equal."""
 
 
-class _Doubt(Enum):
-    """A rule of the check; each is reported once."""
-
-    REPEATED_STEP = auto()
-    BACKWARD_STEP = auto()
-    BACKWARD_STAMP = auto()
-    STANDING_CLOCK = auto()
-    JUMP = auto()
-    ALIKE = auto()
-
-
 class ObservationCheck:
     """Checks the observations of one robot or one recording."""
 
     def __init__(self) -> None:
         """Start without an observation."""
         self._last: Observation | None = None
-        self._told: set[_Doubt] = set()
+        self._told: set[str] = set()
         self._same_stamps = 1
         self._checksum = 0
         self._alike = 1
@@ -52,39 +40,37 @@ class ObservationCheck:
 
     def findings(self, observation: Observation) -> list[Finding]:
         """Return what is doubtful about the next observation; each rule is reported only at its first violation."""
-        before, self._last = self._last, observation
+        before, now = self._last, observation
+        self._last = now
         if before is None:
-            self._begin_alike(observation)
+            self._begin_alike(now)
             return []
-        if _is_same(before, observation):
-            return []
-        found = [*self._order(before, observation), *self._motion(before, observation), *self._pictures(observation)]
-        fresh = [(rule, finding) for rule, finding in found if rule not in self._told]
+        is_same_step = (now.step, now.stamp) == (before.step, before.stamp)
+        if now is before or (is_same_step and np.array_equal(now.odometry, before.odometry)):
+            return []  # A robot may return an observation twice within a control step.
+        fresh = [(rule, finding) for rule, finding in self._doubts(before, now) if rule not in self._told]
         self._told.update(rule for rule, _ in fresh)
         return [finding for _, finding in fresh]
 
-    def _order(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
+    def _doubts(self, before: Observation, now: Observation) -> Iterator[tuple[str, Finding]]:
+        """Yield the violated rules, each by name with what to tell the user."""
         if now.step == before.step:
             text = f"Step {now.step} appeared twice; only its first image is kept. Give each image a higher step."
-            yield _Doubt.REPEATED_STEP, Finding(text)
+            yield "repeated step", Finding(text)
         elif now.step < before.step:
             text = f"Step {now.step} follows step {before.step}; steps must increase, even after a restart."
-            yield _Doubt.BACKWARD_STEP, Finding(text)
+            yield "backward step", Finding(text)
         if now.stamp < before.stamp:
             text = f"At step {now.step} the clock jumps back from {before.stamp:.3f} s to {now.stamp:.3f} s."
-            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that never jumps back.")
+            yield "backward stamp", Finding(text, remedy="Use one clock that never jumps back.")
         self._same_stamps = self._same_stamps + 1 if now.stamp == before.stamp else 1
         if self._same_stamps >= SAME_STAMPS:
             text = f"The last {SAME_STAMPS} images up to step {now.step} have the stamp {now.stamp:.3f} s."
-            yield _Doubt.STANDING_CLOCK, Finding(f"{text} Has the robot's clock stopped?")
-
-    def _motion(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
+            yield "standing clock", Finding(f"{text} Has the robot's clock stopped?")
         moved_m = float(np.hypot(*(now.odometry - before.odometry)[:2]))
         if moved_m > JUMP_M:
             text = f"Odometry jumps by {moved_m:,.0f} m at step {now.step}; is it in metres, and does it restart?"
-            yield _Doubt.JUMP, Finding(text)
-
-    def _pictures(self, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
+            yield "jump", Finding(text)
         if _checksum(now) != self._checksum:
             self._begin_alike(now)
             return
@@ -92,7 +78,7 @@ class ObservationCheck:
         driven_m = float(np.hypot(*(now.odometry - self._alike_since)[:2]))
         if self._alike >= ALIKE_IMAGES and driven_m >= ALIKE_TRAVEL_M:
             text = f"The last {self._alike} images up to step {now.step} are equal, although the robot drove"
-            yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; has the camera stopped, or is it covered?")
+            yield "alike", Finding(f"{text} {driven_m:.1f} m; has the camera stopped, or is it covered?")
 
     def _begin_alike(self, observation: Observation) -> None:
         self._checksum = _checksum(observation)
@@ -104,13 +90,6 @@ def sequence_findings(observations: Iterable[Observation]) -> tuple[Finding, ...
     """Return what is doubtful about a whole drive, in the order of its images."""
     check = ObservationCheck()
     return tuple(finding for observation in observations for finding in check.findings(observation))
-
-
-def _is_same(before: Observation, now: Observation) -> bool:
-    """Tell whether a robot returned the same observation twice, which is allowed within a control step."""
-    return now is before or (
-        now.step == before.step and now.stamp == before.stamp and np.array_equal(now.odometry, before.odometry)
-    )
 
 
 def _checksum(observation: Observation) -> int:

@@ -9,9 +9,10 @@ be driven. Drives nothing.
 import math
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from ltvn_core.errors import ImageError, LtvnError, PluginError
 from ltvn_core.extras import naming_the_extra
@@ -21,7 +22,6 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState
 
-_Answer = TypeVar("_Answer")
 METHODS = ("observe", "state", "drive", "stop")
 HOW_TO = (
     "`--robot NAME` opens an installed robot, `--robot path/to/file.py:factory` one from a Python file, `--robot "
@@ -49,21 +49,13 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
 
 def check_robot(robot: object, name: str) -> None:
     """Raise PluginError if a part of a robot is missing, or if its first image does not fit its camera."""
-    if isinstance(robot, type):
-        raise PluginError(
-            f"The function of the robot {name} returned the class {robot.__name__}; return an object of it, as "
-            f"{robot.__name__}() makes one."
-        )
-    if robot is None or isinstance(robot, int | float | str | bytes | tuple | list | dict):
-        raise PluginError(
-            f"The function of the robot {name} returned {robot!r:.60} ({type(robot).__name__}), which is no robot; "
-            f"return an object with spec, clock, {', '.join(METHODS)}, see examples/05_drive_your_own_robot.py."
-        )
-    parts = {part: _part(robot, part, name) for part in ("spec", "clock", *METHODS)}
-    spec = parts["spec"]
-    clock = parts["clock"]
+    parts = {part: _answer(name, part, partial(getattr, robot, part, None)) for part in ("spec", "clock", *METHODS)}
+    spec, clock = parts["spec"], parts["clock"]
     if not isinstance(spec, RobotSpec):
-        raise PluginError(f"The robot {name} has no `spec`; give it a ltvn_core.RobotSpec, got {spec!r}.")
+        raise PluginError(
+            f"The robot {name} is {robot!r:.60} with the `spec` {spec!r:.60}; give it a ltvn_core.RobotSpec, see "
+            "examples/05_drive_your_own_robot.py."
+        )
     if not (isinstance(getattr(clock, "is_simulated", None), bool) and callable(getattr(clock, "now", None))):
         raise PluginError(f"The robot {name} has no `clock`; give it a ltvn_core.WallClock(), got {clock!r}.")
     missing = [method for method in METHODS if not callable(parts[method])]
@@ -72,22 +64,12 @@ def check_robot(robot: object, name: str) -> None:
             f"The robot {name} lacks {', '.join(missing)}; a robot has spec, clock, {', '.join(METHODS)}, see "
             "ltvn_core.Robot and examples/05_drive_your_own_robot.py."
         )
-    _check_first_image(robot, spec, name)  # type: ignore[arg-type]  # Its methods were checked above.
-
-
-def _part(robot: object, part: str, name: str) -> Any:
+    seen = _answer(name, "observe()", parts["observe"], Observation)
     try:
-        return getattr(robot, part, None)
-    except Exception as error:  # A property of another person may raise anything.
-        raise PluginError(f"The robot {name} failed in its {part} ({type(error).__name__}: {error}).") from error
-
-
-def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
-    try:
-        admit_observation(_answer(robot, "observe", Observation, name), spec.camera, spec.camera, source=name)
+        admit_observation(seen, spec.camera, spec.camera, source=name)
     except ImageError as error:
         raise PluginError(f"The robot {name} returns images that cannot be used: {error}") from error
-    state = _answer(robot, "state", RobotState, name)
+    state = _answer(name, "state()", parts["state"], RobotState)
     try:
         sound = len(state.odometry) == 3 and all(map(math.isfinite, [*state.odometry, state.stamp]))
     except TypeError:  # Not numbers.
@@ -96,14 +78,14 @@ def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
         raise PluginError(f"The robot {name}: its state must have x, y, yaw and seconds, all finite, got {state}.")
 
 
-def _answer(robot: Robot, method: str, kind: type[_Answer], name: str) -> _Answer:
-    """Return what a method of a robot returns. Raises PluginError if it fails, or returns what it must not."""
+def _answer(name: str, part: str, ask: Callable[[], Any], kind: type | None = None) -> Any:
+    """Return what a part of a robot answers. Raises PluginError if it fails, or is not of the kind that it must be."""
     try:
-        answer = getattr(robot, method)()
+        answer = ask()
     except Exception as error:  # Another person's code may raise anything.
-        raise PluginError(f"The robot {name} failed in {method}() ({type(error).__name__}: {error}).") from error
-    if not isinstance(answer, kind):
-        raise PluginError(f"The robot {name}: {method}() must return a ltvn_core.{kind.__name__}, got {answer!r:.60}.")
+        raise PluginError(f"The robot {name} failed in {part} ({type(error).__name__}: {error}).") from error
+    if kind is not None and not isinstance(answer, kind):
+        raise PluginError(f"The robot {name}: {part} must return a ltvn_core.{kind.__name__}, got {answer!r:.60}.")
     return answer
 
 

@@ -54,19 +54,17 @@ def fit_floor(depth: Depth, camera: CameraModel) -> FloorFit | None:
     if len(near) < _FEWEST_POINTS:
         return None
     floor = near[_most_on_a_plane(near)]
-    if len(floor) < max(_FEWEST_POINTS, _MOSTLY * len(near)) or _extent(floor) < _LEAST_EXTENT_M:
+    if len(floor) < max(_FEWEST_POINTS, _MOSTLY * len(near)):
         return None
-    ahead, left, up_m = np.linalg.lstsq(_columns(floor), floor[:, 2], rcond=None)[0]
+    if np.ptp(np.percentile(floor[:, :2], (5, 95), axis=0), axis=0).min() < _LEAST_EXTENT_M:
+        return None
+    places = np.column_stack([floor[:, :2], np.ones(len(floor))])
+    ahead, left, up_m = np.linalg.lstsq(places, floor[:, 2], rcond=None)[0]
     return FloorFit(
         pitch_off_deg=-float(np.degrees(np.arctan(ahead))),
         roll_off_deg=-float(np.degrees(np.arctan(left))),
         height_off_m=-float(up_m),
     )
-
-
-def _extent(floor: NDArray[np.float64]) -> float:
-    low, high = np.percentile(floor[:, :2], (5, 95), axis=0)
-    return float((high - low).min())
 
 
 def _most_on_a_plane(points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -84,10 +82,6 @@ def _most_on_a_plane(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     begin = corners[:, 2] - (slopes * corners[:, :2]).sum(axis=1)
     on_plane = np.abs(points[:, 2] - slopes @ points[:, :2].T - begin[:, None]) < _ON_PLANE_M
     return on_plane[np.argmax(on_plane.sum(axis=1))]
-
-
-def _columns(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([points[:, :2], np.ones(len(points))])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 from ltvn_core.data.importing.played_drive import open_robot
 from ltvn_core.data.recording.recorded_run import RecordedRobot
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.errors import RobotError
+from ltvn_core.errors import OptionError, RobotError
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import run_query
 from ltvn_core.graph.deltas import BULK_CAUSES
@@ -24,7 +24,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
-from ltvn_core.robots.robot import Robot, require_drivable
+from ltvn_core.robots.robot import Robot, open_loop_word
 from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 
@@ -39,8 +39,8 @@ def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
     """
     robot = open_robot(name)
     try:
-        if drives:
-            require_drivable(robot)
+        if drives and (word := open_loop_word(robot)):
+            raise OptionError(word)
         yield robot
     finally:
         robot.stop()

@@ -28,7 +28,11 @@ class Freshness:
         self._source = source
         self._most_late_s = most_late_s
         self._gid = b""
-        self._forget()
+        self._sequence = -1
+        self._quickest_s = math.inf
+        self._checked_s = 0.0
+        self._heard_s = -math.inf
+        self._jumps = 0
 
     def admit(self, attachment: Attachment, arrived_s: float) -> float:
         """Return how late a message is relative to the quickest one, in seconds.
@@ -40,27 +44,20 @@ class Freshness:
         Raises:
             RobotError: The message is late, out of order, from a second sender, or from a clock that was set.
         """
-        self._check_sender(attachment, arrived_s)
-        self._check_order(attachment)
-        return self._lateness_s(attachment.stamp_ns * 1e-9, arrived_s)
-
-    def _check_sender(self, attachment: Attachment, arrived_s: float) -> None:
         if attachment.gid != self._gid:
             if arrived_s - self._heard_s < TAKE_OVER_S:
                 raise RobotError(
                     f"{self._source} has two senders at once; the second is ignored. Stop one of the programs, "
                     "or give each robot its own ROS_DOMAIN_ID or namespace."
                 )
-            self._gid = attachment.gid
-            self._forget()
+            self._gid, self._sequence, self._quickest_s, self._jumps = attachment.gid, -1, math.inf, 0
         self._heard_s = arrived_s
-
-    def _check_order(self, attachment: Attachment) -> None:
         if attachment.sequence <= self._sequence:
             raise RobotError(
                 f"{self._source}: message {attachment.sequence} came after {self._sequence}; it is too old to be used."
             )
         self._sequence = attachment.sequence
+        return self._lateness_s(attachment.stamp_ns * 1e-9, arrived_s)
 
     def _lateness_s(self, sent_s: float, arrived_s: float) -> float:
         took_s = arrived_s - sent_s
@@ -81,10 +78,3 @@ class Freshness:
                 "set back? If a clock was set back, restart the sender."
             )
         return late_s
-
-    def _forget(self) -> None:
-        self._sequence = -1
-        self._quickest_s = math.inf
-        self._checked_s = 0.0
-        self._heard_s = -math.inf
-        self._jumps = 0

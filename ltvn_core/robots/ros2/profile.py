@@ -173,10 +173,6 @@ class RobotProfile:
                 raise RobotError(f"{place} is {topic!r:.60}; write a topic like /camera/color/image_raw.")
         if self.driving.guard_topic == self.topics.command:
             raise RobotError("driving.guard_topic equals topics.command, so the guard would receive its own commands.")
-        self._check_numbers()
-        self.spec(CameraModel.from_fov(64, 48, 1.0))  # The checks of `RobotSpec` cover the relations between sizes.
-
-    def _check_numbers(self) -> None:
         values = {name: attrgetter(name)(self) for name in _ALLOWED}
         wrong = [
             f"{name} is {values[name]}; it must be from {least:g} to {most:g}"
@@ -185,6 +181,7 @@ class RobotProfile:
         ]
         if wrong:
             raise RobotError(f"{'; '.join(wrong)}.")
+        self.spec(CameraModel.from_fov(64, 48, 1.0))  # The checks of `RobotSpec` cover the relations between sizes.
 
     def spec(self, lens: CameraModel) -> RobotSpec:
         """Return the robot's properties, with the lens that the robot published."""

@@ -11,7 +11,6 @@ from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.robot_report import RobotReport, TopicReport, TurnReport, fit_floor, robot_findings
 from ltvn_core.robots.ros2.ros_robot import RosRobot
-from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist
 
 LEAST_HZ = 5.0
@@ -39,12 +38,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
-    findings = list(_findings(report, robot.inbox.streams))
-    bumper = robot.profile.topics.bumper
-    if bumper and not robot.link.publishers(bumper):
-        text = f"No node publishes {bumper}, so collisions are not detected; correct topics.bumper, or omit it."
-        findings.append(Finding(text, where=bumper))
-    return replace(report, findings=tuple(findings))
+    return replace(report, findings=tuple(_findings(report, robot)))
 
 
 def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], float]:
@@ -59,32 +53,31 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
         worst_s = max(worst_s, robot.age_s)
         now_s = time.monotonic()
         gaps = [max(gap, stream.age_s(now_s) or 0.0) for gap, stream in zip(gaps, streams, strict=True)]
-    reports = [
-        TopicReport(stream.topic, (stream.count - count) / passed_s, gap, _publishers(robot, stream))
-        for stream, count, gap in zip(streams, counts, gaps, strict=True)
-    ]
+    reports = []
+    for stream, count, gap in zip(streams, counts, gaps, strict=True):
+        is_tree = stream is robot.inbox.odometry and robot.profile.odometry_transform is not None
+        # Each node sends its own part of the tf tree.
+        publishers = () if is_tree else tuple(robot.link.publishers(stream.topic))
+        reports.append(TopicReport(stream.topic, (stream.count - count) / passed_s, gap, publishers))
     return tuple(reports), worst_s
 
 
-def _publishers(robot: RosRobot, stream: Stream) -> tuple[str, ...]:
-    """Return the publishers of a stream; none for the tf tree, because each node sends its own part."""
-    if stream is robot.inbox.odometry and robot.profile.odometry_transform is not None:
-        return ()
-    return tuple(robot.link.publishers(stream.topic))
-
-
-def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Finding]:
+def _findings(report: RobotReport, robot: RosRobot) -> Iterator[Finding]:
     for each in report.topics:
         if each.rate_hz < LEAST_HZ:
             text = f"{each.topic} arrives {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
             yield Finding(text, where=each.topic)
     yield from robot_findings(report)
-    yield from (Finding(stream.refusal, where=stream.topic) for stream in streams if stream.refusal)
+    yield from (Finding(stream.refusal, where=stream.topic) for stream in robot.inbox.streams if stream.refusal)
     if not report.commands_taken:
         yield Finding(
             "No node receives the commands: start `ltvn guard` beside the robot, or correct `guarded`, `stamped` or "
             "the topic of commands in the profile."
         )
+    bumper = robot.profile.topics.bumper
+    if bumper and not robot.link.publishers(bumper):
+        text = f"No node publishes {bumper}, so collisions are not detected; correct topics.bumper, or omit it."
+        yield Finding(text, where=bumper)
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
         text = "The robot did not follow the command; keep a hand on its emergency stop."
         yield Finding(text, Severity.ERROR)

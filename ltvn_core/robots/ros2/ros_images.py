@@ -165,21 +165,18 @@ def _pixels(message: Any, layout: _Layout, source: str) -> NDArray:
 def _compressed_metres(data: bytes, form: str, source: str, unit_m: float) -> Depth:
     if not _is_depth_format(form):
         return decode_depth(data, unit_m, source)
-    steps = _compressed_units(_behind_header(data, source), form, source)
+    content = _behind_header(data, source)
+    if _is_rvl(form):
+        width, height = _rvl_size(content, source)
+        steps = decode_rvl(content[_RVL_HEADER.size :], width, height, source).astype(np.float32)
+    else:
+        steps = decode_depth(content, 1.0, source)
     _, scale, offset = DEPTH_HEADER.unpack_from(data)
     if not form.lower().startswith("32fc1"):
         return steps * np.float32(unit_m)
     # Floats are sent as 16 bits of inverse depth.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(steps > 0, np.float32(scale) / (steps - np.float32(offset)), 0).astype(np.float32)
-
-
-def _compressed_units(data: bytes, form: str, source: str) -> Depth:
-    """Return the 16-bit pixels of an image compressed as PNG, or as RVL after width and height."""
-    if not _is_rvl(form):
-        return decode_depth(data, 1.0, source)
-    width, height = _rvl_size(data, source)
-    return decode_rvl(data[_RVL_HEADER.size :], width, height, source).astype(np.float32)
 
 
 def _is_depth_format(form: str) -> bool:

@@ -232,8 +232,8 @@ class RosRobot:
     @property
     def true_pose(self) -> Pose | None:
         """Current true pose (3,) from motion capture or a simulator, only to evaluate runs; None without any."""
-        truth = self.inbox.truth
-        return None if truth is None or time.monotonic() - truth.arrived_s > STALE_S else truth.content
+        kept = self.inbox.truth.kept
+        return kept[-1].content if kept and time.monotonic() - kept[-1].arrived_s <= STALE_S else None
 
     def state(self) -> RobotState:
         """Return the newest odometry, and the bumper if the profile names its topic."""

@@ -139,9 +139,8 @@ class SensorInbox:
         """Charge of the battery, in [0, 1]; None if the robot does not report it."""
         self._is_touching = False
         self._touched_s = -math.inf
-        self._truth_freshness = Freshness(topics.truth, most_late_s=MOST_LATE_S)
-        self.truth: Stamped | None = None
-        """The true pose; None if nothing publishes it."""
+        self.truth = Stream(topics.truth)
+        """The true pose, if the profile names its topic."""
         self._changed = threading.Condition(threading.RLock())
 
     @property
@@ -209,10 +208,7 @@ class SensorInbox:
 
     def take_truth(self, received: Received) -> None:
         """Keep the true pose. Raises RobotError if it is late or invalid."""
-        self._truth_freshness.admit(received.attachment, received.arrived_s)
-        pose = read_odometry(received.message, "its true pose")
-        stamp_s = read_stamp(received.message, "its true pose")
-        self.truth = Stamped(stamp_s, received.arrived_s, received.attachment.sequence, pose)
+        self._add(self.truth, received, read_odometry(received.message, "its true pose"))
 
     def newest(self) -> Moment | None:
         """Return the newest moment with colours, depth and odometry; None if there is none."""

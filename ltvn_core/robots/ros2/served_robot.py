@@ -110,7 +110,10 @@ class ServedRobot:
     def _look(self) -> None:
         stamp_s = time.time()
         seen = self._robot.observe()
-        self._odometry.put(self._place(seen, stamp_s))
+        if self._edge is None:
+            self._odometry.put(odometry_message(seen.odometry, self._speeds(seen), stamp_s))
+        else:
+            self._odometry.put(transform_message(seen.odometry, stamp_s, self._edge.parent, self._edge.child))
         if self._truth is not None and self._true_pose is not None:
             self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
         if self._bumper is not None:
@@ -119,11 +122,6 @@ class ServedRobot:
         self._colour.put(self._colour_message(seen.rgb, stamp_s))
         if seen.depth is not None:
             self._depth.put(self._depth_message(seen.depth, stamp_s))
-
-    def _place(self, seen: Observation, stamp_s: float) -> Any:
-        if self._edge is None:
-            return odometry_message(seen.odometry, self._speeds(seen), stamp_s)
-        return transform_message(seen.odometry, stamp_s, self._edge.parent, self._edge.child)
 
     def _speeds(self, seen: Observation) -> Twist:
         """Return the mean speeds since the last observation."""

@@ -36,7 +36,16 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
     Takes one image; drives nothing. Raises PluginError if there is no such robot, if its factory fails, or if it lacks
     a part, and RobotError if a robot of ROS 2 cannot be reached.
     """
-    factory = _factory(wanted, installed)
+    if "@" in wanted:
+        with naming_the_extra():
+            from ltvn_core.robots.ros2.ros_robot import open_ros_robot
+        factory = partial(open_ros_robot, wanted)
+    else:
+        factory = _function_in_file(wanted) if ".py" in wanted else _installed(wanted, installed)
+        if not callable(factory):
+            raise PluginError(
+                f"{wanted} is {factory!r}, which cannot be called; name a function that creates the robot."
+            )
     try:
         robot = factory()
     except LtvnError:
@@ -44,7 +53,7 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
     except Exception as error:  # Another person's code may raise anything.
         raise PluginError(f"The robot {wanted} could not be created ({type(error).__name__}: {error}).") from error
     check_robot(robot, wanted)
-    return robot
+    return cast(Robot, robot)
 
 
 def check_robot(robot: object, name: str) -> None:
@@ -89,23 +98,15 @@ def _answer(name: str, part: str, ask: Callable[[], Any], kind: type | None = No
     return answer
 
 
-def _factory(wanted: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:
-    if "@" in wanted:
-        with naming_the_extra():
-            from ltvn_core.robots.ros2.ros_robot import open_ros_robot
-        return lambda: open_ros_robot(wanted)
-    return _factory_in_file(wanted) if ".py" in wanted else _installed_factory(wanted, installed)
-
-
-def _installed_factory(name: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:
+def _installed(name: str, installed: Mapping[str, Plugin] | None) -> object:
     robots = find_plugins(ROBOTS) if installed is None else installed
     if name not in robots:
         names = ", ".join(robots) or "none"
         raise PluginError(f"No robot is called {name!r}. Installed robots: {names}. {HOW_TO}.")
-    return _callable(robots[name].load(), name)
+    return robots[name].load()
 
 
-def _factory_in_file(wanted: str) -> Callable[[], Robot]:
+def _function_in_file(wanted: str) -> object:
     place, _, name = wanted.rpartition(":")
     path = Path(place)
     if not place.endswith(".py") or not name.isidentifier():
@@ -126,12 +127,4 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
     offered = sorted(key for key, value in vars(module).items() if callable(value) and not key.startswith("_"))
     if not hasattr(module, name):
         raise PluginError(f"{path} has no function {name!r}. It has: {', '.join(offered) or 'none'}.")
-    return _callable(getattr(module, name), wanted)
-
-
-def _callable(factory: object, name: str) -> Callable[[], Robot]:
-    if not callable(factory):
-        raise PluginError(
-            f"The robot {name} is {factory!r}, which cannot be called; name a function that creates the robot."
-        )
-    return cast(Callable[[], Robot], factory)  # `check_robot` checks the result.
+    return getattr(module, name)

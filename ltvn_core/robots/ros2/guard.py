@@ -134,27 +134,18 @@ class CommandGate:
         if goal == ZERO_TWIST:
             self._output = ZERO_TWIST
             return ZERO_TWIST
-        faster = self._accelerations
-        most = self._output
-        ramped = Twist(
-            _towards(
-                most.linear_m_s, goal.linear_m_s, passed_s * faster.linear_m_s2, passed_s * faster.linear_braking_m_s2
-            ),
-            _towards(
-                most.angular_rad_s,
-                goal.angular_rad_s,
-                passed_s * faster.angular_rad_s2,
-                passed_s * faster.angular_braking_rad_s2,
-            ),
-        )
-        self._output = self._speeds.curved(ramped)
+        most = self._accelerations
+        speeding_up = most.linear_m_s2, most.angular_rad_s2
+        braking = most.linear_braking_m_s2, most.angular_braking_rad_s2
+        axes = zip(self._output, goal, speeding_up, braking, strict=True)
+        self._output = self._speeds.curved(Twist(*(_towards(*axis, passed_s) for axis in axes)))
         return self._output
 
 
-def _towards(speed: float, goal: float, speeding_up: float, braking: float) -> float:
+def _towards(speed: float, goal: float, speeding_up: float, braking: float, passed_s: float) -> float:
     """Return a speed closer to the goal, by at most the allowed change."""
     is_braking = abs(goal) < abs(speed) or goal * speed < 0
-    most = braking if is_braking else speeding_up
+    most = passed_s * (braking if is_braking else speeding_up)
     return speed + min(max(goal - speed, -most), most)
 
 

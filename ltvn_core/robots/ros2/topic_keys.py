@@ -165,8 +165,9 @@ class Topic:
         """Raise RobotError if a message of this topic has another type, or another edition of this type."""
         kind, edition = key.split("/")[-2:]
         if kind != dds_name(self.type_name):
+            found = kind.replace("::dds_::", "::").replace("::", "/").removesuffix("_")
             raise RobotError(
-                f"{self.name} has the type {ros_name(kind)}, expected {self.type_name}; correct the topic in the "
+                f"{self.name} has the type {found}, expected {self.type_name}; correct the topic in the "
                 "robot's profile, or whether its commands are stamped."
             )
         if edition not in (type_hash(self.type_name), NO_HASH):
@@ -184,8 +185,3 @@ def endpoint_tokens(role: Role, domain: int, name: str) -> str:
 def node_token(session: str, node: str, domain: int) -> str:
     """Return the liveliness token of a node."""
     return f"{TOKENS}/{domain}/{session}/0/0/NN/%/%/{node}"
-
-
-def ros_name(wire_name: str) -> str:
-    """Return the ROS name, such as `geometry_msgs/msg/Twist`, for a name on the wire; anything else unchanged."""
-    return wire_name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")

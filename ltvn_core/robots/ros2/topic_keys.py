@@ -97,7 +97,7 @@ class Attachment(NamedTuple):
         )
         if length != GID_BYTES or sequence < 0:
             raise RobotError(
-                f"{source}: the attachment of a message has {len(data or b'')} bytes, not the {_LAYOUT.size} bytes of "
+                f"{source}: the attachment of a message ({len(data or b'')} bytes) is not the {_LAYOUT.size} bytes of "
                 "rmw_zenoh; update rmw_zenoh_cpp on the robot (Jazzy: 0.2.4 or newer)."
             )
         return cls(sequence, stamp_ns, gid)

@@ -207,7 +207,8 @@ def _key_points(drive: MappedDrive) -> Iterator[Finding]:
         yield _cause(
             f"few key points ({usual:.0f} per image, but at least {FEW_KEY_POINTS} are few): the images are small, "
             "dark, blurred or show bare walls.",
-            "Record larger and sharper ones in better light, or try --predictor network.",
+            "Turn the camera to things with texture, give more light, and keep images closer together: drive slower, "
+            f"or {_thin_less(drive)}.",
         )
 
 
@@ -284,11 +285,10 @@ def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterat
             f"Drive slower, record more images per second, or {_thin_less(drive)}.",
         )
         return
-    other = "network" if drive.predictor_name == GEOMETRIC else GEOMETRIC
+    other = "" if drive.predictor_name == GEOMETRIC else f"try --predictor {GEOMETRIC}, "
     yield _cause(
-        f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
-        f"{other}, adapt the network with `ltvn finetune`, and check consecutive images for blur and gaps (`ltvn "
-        "view`)."
+        f"{text}. The predictor cannot compare images of this camera, or they do not overlap: {other}adapt it with "
+        "`ltvn finetune`, and check consecutive images for blur and gaps (`ltvn view`)."
     )
 
 

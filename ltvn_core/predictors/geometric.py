@@ -179,7 +179,8 @@ def _falling(value: float, middle: float, width: float) -> float:
 
 
 VERSION = 2
-"""Version of the predictor; increase it whenever the same images give another result than before."""
+"""Version of the predictor; maps of another version are refused. Increase it whenever the same images get other
+distances than before, not where only more of them are recognised."""
 
 SHORTLIST_FROM = 24
 """Least number of targets with which one image is compared in full with only the most similar targets."""
@@ -279,8 +280,8 @@ class GeometricPredictor:
         return Prediction(reachability, waypoints)
 
     def key_point_counts(self, features: Features) -> NDArray[np.intp]:
-        """Return the number of key points (N,) of images, from features (N, 1)."""
-        return np.array([len(row[0].rays) for row in features], np.intp)
+        """Return the number of clear key points (N,) of images, from features (N, 1)."""
+        return np.array([min(row[0].clear, len(row[0].rays)) for row in features], np.intp)
 
     def shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
         """Return the rows of the targets to compare in full, in order."""

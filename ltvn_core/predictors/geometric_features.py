@@ -88,6 +88,12 @@ CONTRAST_THRESHOLD = 0.01
 """Contrast threshold of SIFT, lower than the usual 0.04, because walls and doors have little contrast."""
 EDGE_THRESHOLD = 12.0
 
+FEW_KEY_POINTS = 100
+"""Number of key points below which an image, as of bare walls, is searched again for faint ones."""
+FAINT_CONTRAST_THRESHOLD = 0.003
+FAINT_KEY_POINTS = 320
+"""Largest number of key points of such an image; twice as many find no more near pairs."""
+
 MAX_DEPTH_M = 12.0
 """Largest depth that is used, in metres; larger ones are too uncertain."""
 
@@ -123,6 +129,8 @@ class ImageFeatures:
     """Whether the camera's tilt was measured for this image, as for a hand-held camera."""
     place: NDArray[np.float32]
     """(D,) place vector of the image, see `place_vector`."""
+    clear: int
+    """Number of key points found with the usual contrast threshold; the other ones are faint."""
 
     @property
     def has_depth(self) -> bool:
@@ -171,7 +179,7 @@ class FeatureExtractor:
         if tilt is not None:
             camera = replace(camera, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad)
         gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
-        pixels, descriptors = _key_points(np.asarray(gray, np.uint8))
+        pixels, descriptors, clear = _key_points(np.asarray(gray, np.uint8))
         rays = camera.pixels_to_rays(pixels.astype(np.float64))
         usable = np.hypot(rays[:, 0], rays[:, 1]) < WIDEST_RAY  # Also excludes NaN, where a fisheye looks sideways.
         pixels, descriptors, rays = pixels[usable], descriptors[usable], rays[usable]
@@ -187,6 +195,7 @@ class FeatureExtractor:
             level=camera.rotation @ OPTICAL_TO_CAMERA,
             has_own_tilt=tilt is not None,
             place=place_vector(descriptors),
+            clear=clear,
         )
 
     def _checked(self, observation: Observation) -> tuple[Rgb, Depth]:
@@ -203,18 +212,29 @@ class FeatureExtractor:
         return observation.rgb, np.where((depth > 0) & (depth < MAX_DEPTH_M), depth, 0).astype(np.float32)
 
 
-def _key_points(gray: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Return pixels (K, 2) and RootSIFT descriptors (K, 128) of the strongest key points."""
-    # A new detector for each image, because detectors are not thread-safe.
-    detector = cv2.SIFT.create(nfeatures=KEY_POINTS, contrastThreshold=CONTRAST_THRESHOLD, edgeThreshold=EDGE_THRESHOLD)
-    found, descriptors = detector.detectAndCompute(gray, None)
+def _key_points(gray: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8], int]:
+    """Return pixels (K, 2) and RootSIFT descriptors (K, 128) of the strongest key points, and the number of clear
+    ones; faint ones are searched only where few are clear."""
+    found, descriptors = _detected(gray, KEY_POINTS, CONTRAST_THRESHOLD)
+    clear = len(found)
+    if clear < FEW_KEY_POINTS:
+        found, descriptors = _detected(gray, FAINT_KEY_POINTS, FAINT_CONTRAST_THRESHOLD)
     if not found:
-        return np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8)
+        return np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), clear
     order = np.argsort([-point.response for point in found], kind="stable")[:KEY_POINTS]
     pixels = np.array([found[k].pt for k in order], np.float32)
-    sift = np.asarray(descriptors, np.float32)[order]
+    sift = descriptors[order]
     root = np.sqrt(sift / np.maximum(sift.sum(1, keepdims=True), 1e-6))
-    return pixels, np.rint(root * _DESCRIPTOR_SCALE).astype(np.uint8)
+    return pixels, np.rint(root * _DESCRIPTOR_SCALE).astype(np.uint8), clear
+
+
+def _detected(
+    gray: NDArray[np.uint8], most: int, contrast: float
+) -> tuple[Sequence[cv2.KeyPoint], NDArray[np.float32]]:
+    # A new detector for each image, because detectors are not thread-safe.
+    detector = cv2.SIFT.create(nfeatures=most, contrastThreshold=contrast, edgeThreshold=EDGE_THRESHOLD)
+    found, descriptors = detector.detectAndCompute(gray, None)
+    return found, np.asarray(descriptors, np.float32)
 
 
 def _depth_at(depth: Depth, pixels: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -138,6 +138,26 @@ def test_a_camera_that_is_held_by_hand_is_levelled_by_the_tilt_of_each_image(
     np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.04)
 
 
+def faint(seen: Observation, contrast: float) -> Observation:
+    """Return an image of little contrast, with the noise of a camera."""
+    noise = np.random.default_rng(seen.step).normal(0, 0.5, seen.rgb.shape)
+    rgb = 128 + (seen.rgb - 128.0) * contrast + noise
+    return replace(seen, rgb=np.rint(rgb).clip(0, 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize("contrast", [0.05, 0.08])
+def test_places_of_little_contrast_are_recognised_and_others_of_as_little_are_not(
+    predictor: GeometricPredictor, room: TexturedRoom, contrast: float
+) -> None:
+    source = faint(room.observe(HERE, 1), contrast)
+    reachability, waypoint = asked(predictor, source, faint(room.observe(AHEAD, 2), contrast))
+    assert reachability > 0.8
+    np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.05)
+    for other in (room.observe(BEHIND, 3), TexturedRoom(4).observe(HERE, 4), TexturedRoom(5).observe(HERE, 5)):
+        assert asked(predictor, source, faint(other, contrast))[0] < 0.1
+    assert predictor.key_point_counts(predictor.encode([source]))[0] < 100, "faint key points count as few"
+
+
 def test_a_blank_image_resembles_nothing_not_even_itself(predictor: GeometricPredictor, room: TexturedRoom) -> None:
     seen = room.observe(HERE)
     blank = replace(seen, rgb=np.full_like(seen.rgb, 90))

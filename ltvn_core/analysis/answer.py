@@ -73,6 +73,8 @@ class Link(NamedTuple):
     """The command that the page sends on a click."""
     about: str = ""
     """Tooltip."""
+    is_button: bool = False
+    """Whether it is one of the next questions, which the page shows as buttons."""
 
 
 class Address(NamedTuple):

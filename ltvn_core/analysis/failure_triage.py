@@ -155,7 +155,7 @@ class FailureCluster:
 
 def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
     """Return all failed queries in order, without cut and cancelled ones. Linear in the events."""
-    return tuple(_failed(timeline, query) for query in timeline.queries if query.succeeded is False)
+    return tuple(failed_query(timeline, query) for query in timeline.queries if query.succeeded is False)
 
 
 def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMode, tuple[FailedQuery, ...]]:
@@ -186,7 +186,8 @@ def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) ->
     return tuple(clusters)
 
 
-def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
+def failed_query(timeline: Timeline, query: QueryRecord) -> FailedQuery:
+    """Return when, where and why a query failed. Linear in its events."""
     watch = _SetbackTracker()
     for index in range(query.first, query.last + 1):
         watch.take(index, timeline.events[index].event)

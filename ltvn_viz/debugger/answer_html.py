@@ -140,11 +140,13 @@ def _inline(part: Inline, numbers: Iterator[int]) -> str:
         case Key(colour, text):
             dot = f'<span class="lt-dot"><i style="color:{colour.css}">●</i></span>'
             return f'<span style="white-space:nowrap;margin-right:.8em">{dot} {escape(text)}</span>'
-        case Link(label, _, about):
+        case Link(label, _, about, is_button):
             title = f' title="{escape(about)}"' if about else ""
-            target = f'data-ltvn-action="follow" data-id="link-{next(numbers)}" {REACHED_BY_TAB}'
+            target = f'data-ltvn-action="follow" data-id="link-{next(numbers)}"'
+            if is_button:
+                return f'<button type="button" class="lt-next" {target}{title}>{escape(label)}</button>'
             whole = " lt-whole" if len(label) <= _WHOLE_LETTERS else ""
-            return f'<a class="lt-link{whole}" {target}{title}>{escape(label)}</a>'
+            return f'<a class="lt-link{whole}" {target} {REACHED_BY_TAB}{title}>{escape(label)}</a>'
         case Address(label, url, in_new_tab):
             where = ' target="_blank" rel="noreferrer"' if in_new_tab else ""
             return f'<a href="{escape(url)}"{where} class="lt-link">{escape(label)}</a>'

@@ -123,6 +123,13 @@ class DebugContext:
         return next(begun, None)
 
     @property
+    def latest_query(self) -> QueryRecord | None:
+        """The last query that began before the moment; one that begins at the moment counts only if it is the first."""
+        begun = [each for each in self.timeline.queries if each.begin.step <= self.step]
+        before = [each for each in begun if each.begin.step < self.step]
+        return (before or begun or [None])[-1]
+
+    @property
     def known_filter(self) -> PresenceFilter:
         """Return the filter that predicts which edges are open, even for runs whose plans ignore presence."""
         return self.presence_filter or PERSISTENT

@@ -7,7 +7,6 @@ from typing import Never
 
 from ltvn_core.analysis.answer import Hint, Inline, Step
 from ltvn_core.analysis.decisions import Decision, query_decisions
-from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
@@ -30,7 +29,7 @@ class DecisionQuestion(Question[Never]):
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """List the decisions of the query up to the moment."""
         builder = AnswerBuilder()
-        query = _query_at(context) if selection.query is None else context.query(selection.query)
+        query = context.latest_query if selection.query is None else context.query(selection.query)
         if query is None:
             builder.add_line("No query has begun yet.")
             return builder.build()
@@ -43,14 +42,6 @@ class DecisionQuestion(Question[Never]):
             earlier = Step("go back in time to see earlier ones.", "ask --at an earlier time for others.")
             builder.add_line(f"The latest {_ROWS} are shown; ", earlier)
         return builder.build()
-
-
-def _query_at(context: DebugContext) -> QueryRecord | None:
-    """Return the last query that began before the moment; a query that begins at the moment counts only if there is no
-    earlier one."""
-    begun = [each for each in context.timeline.queries if each.begin.step <= context.step]
-    before = [each for each in begun if each.begin.step < context.step]
-    return (before or begun or [None])[-1]
 
 
 def _row(context: DebugContext, decision: Decision) -> tuple[Inline, ...]:

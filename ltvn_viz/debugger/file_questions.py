@@ -8,7 +8,7 @@ import math
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 from ltvn_core.analysis.answer import Answer, Paragraph
 from ltvn_core.analysis.timeline_records import QueryRecord
@@ -24,7 +24,7 @@ from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.debugger.what_if_question import ImagineChange
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.wishes.commands import Action, Ask, AskQuestion, PointAt, Seek
+from ltvn_viz.wishes.commands import Action, Ask, AskAbout, AskQuestion, PointAt, Seek
 
 __all__ = ["FileAsk", "FileCase", "ask_file"]
 
@@ -84,7 +84,7 @@ class FileAsk:
         words += ["--text", self.text] if self.text else []
         return shlex.join(words)
 
-    def following(self, command: object) -> Self | None:
+    def following(self, command: object) -> "FileAsk | None":
         """Return the question that a link asks; None if only the page can follow the link."""
         match command:
             case Seek(time_s=time_s):
@@ -93,10 +93,14 @@ class FileAsk:
                 return replace(self, node=node, edge=None, text="")
             case PointAt(node=node, target=target):
                 return replace(self, edge=(node, target), node=None, text="")
-            case Ask(Action.QUESTION, str() as name) if name in set(QuestionName) - {QuestionName.NONE}:
+            case Ask(Action.QUESTION, str() as name) if name in set(QuestionName):
                 return replace(self, question=QuestionName(name).word, text="")
             case AskQuestion(request=ImagineChange(change)):
                 return replace(self, text=format_what_if_change(change))
+            case AskAbout(question, edge, request, at_s):
+                text = format_what_if_change(request.change) if isinstance(request, ImagineChange) else ""
+                at_s = self.at_s if at_s is None else at_s
+                return FileAsk(question=QuestionName(question).word, at_s=at_s, edge=edge, text=text)
             case _:
                 return None
 

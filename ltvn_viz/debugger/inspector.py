@@ -133,7 +133,6 @@ class Inspector:
         }
         self._in_background = BackgroundCache(worker, self.mark_stale)
         self._contexts = DebugContextBuilder(self._in_background)
-        self.names = (QuestionName.NONE, *self._questions)
         self.shown = Inspection(abouts={question.name: question.about for question in questions})
         self._key: object = None
         self._context: DebugContext | None = None
@@ -141,17 +140,16 @@ class Inspector:
 
     @property
     def is_on(self) -> bool:
-        """Whether a question is on show, so that clicks on the map are for it."""
-        return self.shown.question != QuestionName.NONE
+        """Whether a person asked a question, so that clicks on the map are for it."""
+        return self.shown.question != QuestionName.FIRST
 
     def choose(self, question: str) -> None:
-        """Show a question, or none."""
+        """Show a question."""
         chosen = self._questions.get(question)
-        about, verb = ("", "") if chosen is None else (chosen.about, chosen.verb)
+        verb = "" if chosen is None else chosen.verb
         self.shown = replace(
             self.shown,
             question=question,
-            about=about,
             verb=verb,
             answer=NO_ANSWER,
             markup="",
@@ -217,8 +215,7 @@ class Inspector:
         """Offer the questions that can be answered in this run, and always the current one."""
         questions = self._questions.values()
         names = [each.name for each in questions if each.is_offered(context) or each.name == self.shown.question]
-        offered = (QuestionName.NONE, *names)
-        if offered != self.shown.offered:
+        if (offered := tuple(names)) != self.shown.offered:
             self.shown = replace(self.shown, offered=offered)
 
     def mark_stale(self) -> None:

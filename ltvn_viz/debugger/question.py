@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from ltvn_core import palette
 from ltvn_core.analysis import answer
-from ltvn_core.analysis.answer import Answer, Link, Pending, Strong
+from ltvn_core.analysis.answer import Answer, Link, Pending, Strong, joined
 from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
@@ -36,7 +36,7 @@ class AnswerBuilder(answer.AnswerBuilder):
 
     def add_pending(self, text: str, *, title: str = "") -> None:
         """Add a line about a computation in the background, after a bold title if there is one."""
-        self.blocks.append(Pending(text, title, Link("leave it", Ask(Action.QUESTION, QuestionName.NONE))))
+        self.blocks.append(Pending(text, title, Link("leave it", Ask(Action.QUESTION, ""))))
 
     def add_behind(self, latest: LatestAnswer) -> None:
         """Add a note if the answer still belongs to another moment."""
@@ -51,6 +51,10 @@ class AnswerBuilder(answer.AnswerBuilder):
         more = Link("its images and attempts", Ask(Action.QUESTION, QuestionName.EDGE))
         self.add_line("Edge ", Strong(f"{source} → {target}"), ": ", more)
         return {source: palette.SOURCE, target: palette.TARGET}
+
+    def add_next(self, *links: Link) -> None:
+        """Add the next questions as buttons; in a terminal, as commands."""
+        self.add_line(joined([link._replace(is_button=True) for link in links], " "))
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
         """Return the collected answer."""

@@ -15,6 +15,7 @@ from ltvn_viz.debugger.comparison_question import ComparisonQuestion
 from ltvn_viz.debugger.decision_question import DecisionQuestion
 from ltvn_viz.debugger.edge_question import EdgeQuestion
 from ltvn_viz.debugger.failure_question import FailureQuestion
+from ltvn_viz.debugger.first_question import FirstQuestion
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
 from ltvn_viz.debugger.guarded_question import GuardedQuestion
 from ltvn_viz.debugger.history_question import HistoryQuestion
@@ -39,6 +40,7 @@ def all_questions(
     question of others that cannot be used is logged and left out.
     """
     own = (
+        FirstQuestion(),
         EdgeQuestion(),
         HistoryQuestion(),
         DecisionQuestion(),

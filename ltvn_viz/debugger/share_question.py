@@ -89,7 +89,7 @@ class ShareQuestion(Question[ShareRequest]):
 
     def _link(self, builder: AnswerBuilder, context: DebugContext, selection: Selection) -> None:
         seconds = max(0.0, context.moment.stamp - context.start_s)
-        question = QuestionName.NONE if selection == NOTHING_SELECTED else QuestionName.EDGE
+        question = QuestionName.FIRST if selection == NOTHING_SELECTED else QuestionName.EDGE
         address = link(context.name, seconds, question, selection)
         builder.add_line(Address("Link to this moment", address), " · ", Copyable("copy it", address))
         builder.add_line(

@@ -121,7 +121,7 @@ class PlanView:
         moment = snapshot.moment
         progress = moment.progress
         inspection = snapshot.inspection
-        is_asking = inspection.question != QuestionName.NONE
+        is_asking = inspection.question != QuestionName.FIRST
         goal = snapshot.selected if snapshot.way is None else snapshot.way.goal
         camera = snapshot.lone_camera or self._robot.camera
         return {

@@ -12,7 +12,6 @@ import viser
 
 from ltvn_viz.panels.world_panel import LIGHTS
 from ltvn_viz.server.keymap import key_label
-from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot, WorldView
 from ltvn_viz.wishes.commands import UNDER_WAY, Action, Mode, Value
 from ltvn_viz.wishes.wish_table import WISHES
@@ -163,8 +162,7 @@ def _entries(snapshot: Snapshot) -> Iterator[tuple[str, Entry]]:
     if snapshot.world is not None:
         yield from _changes(snapshot.world)
     for question in snapshot.inspection.offered:
-        if question != QuestionName.NONE:
-            yield f"Ask: {question}", Entry(Action.QUESTION, str(question))
+        yield f"Ask: {question}", Entry(Action.QUESTION, str(question))
     for name in _shortest_first(snapshot.recordings):
         yield f"Open recording {name}", Entry(Action.OPEN, name)
     for name in _shortest_first(snapshot.sources):

@@ -90,10 +90,17 @@ STYLE = f"""<style>
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-table span {{ color: var(--ltvn-soft); }}
-.lt-question {{ display: block; width: 100%; margin: .25em 0; padding: .45em .6em; border: 0; border-radius: .35em;
-  background: var(--ltvn-tint); color: var(--ltvn-soft); font: inherit; text-align: left; cursor: pointer; }}
-.lt-question:hover {{ background: var(--ltvn-tint-more); }}
-.lt-question b {{ display: block; color: var(--ltvn-strong); font-weight: 600; }}
+.lt-asks {{ display: flex; flex-wrap: wrap; gap: .3em; }}
+.lt-asks details {{ display: contents; }}
+.lt-question, .lt-asks summary {{ padding: .35em .6em; border: 0; border-radius: .35em; background: var(--ltvn-tint);
+  color: var(--ltvn-text); font: inherit; text-align: left; list-style: none; cursor: pointer; }}
+.lt-question:hover, .lt-asks summary:hover {{ background: var(--ltvn-tint-more); }}
+.lt-question[aria-pressed="true"] {{ background: #1c6fd6; color: #fff; }}
+.lt-asks details .lt-question {{ width: 100%; margin-top: .3em; }}
+.lt-asks details b {{ display: block; }}
+.lt-next {{ margin: .3em .3em .3em 0; padding: .5em .8em; border: 0; border-radius: .35em; background: #1c6fd6;
+  color: #fff; font: inherit; font-weight: 600; cursor: pointer; }}
+.lt-next:hover {{ background: #2f81e8; }}
 .lt-why > div {{ margin: .25em 0; color: var(--ltvn-text); }}
 .lt-dot {{ padding: 0 .25em; border-radius: .35em; }}
 .lt-dot i {{ font-style: normal; }}

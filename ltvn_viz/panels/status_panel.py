@@ -153,7 +153,7 @@ def first_tab(snapshot: Snapshot) -> str:
         return ""
     named = _NAMED_TAB.search(snapshot.hint)
     tab = "Drive" if named is None else named[1]
-    if snapshot.mode is Mode.REPLAY and snapshot.inspection.question != QuestionName.NONE:
+    if snapshot.mode is Mode.REPLAY and snapshot.inspection.question != QuestionName.FIRST:
         tab = "Why"  # A recording opened with a question should show the answer.
     return f' data-ltvn-tab="{tab}"'
 

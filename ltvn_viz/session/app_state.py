@@ -51,7 +51,7 @@ class Debugger(Protocol):
 
     @property
     def is_on(self) -> bool:
-        """Tell whether a question is on show, so that clicks on the map are meant for it."""
+        """Tell whether a person asked a question, so that clicks on the map are meant for it."""
         ...
 
     @property
@@ -60,17 +60,12 @@ class Debugger(Protocol):
         ...
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The names of all questions, including those that are not offered now."""
-        ...
-
-    @property
     def words(self) -> Mapping[str, str]:
         """The names of the questions by their words in an address."""
         ...
 
     def choose(self, question: str) -> None:
-        """Show a question, or none."""
+        """Show a question."""
         ...
 
     def point_at(self, node: NodeId, target: NodeId | None = None) -> None:

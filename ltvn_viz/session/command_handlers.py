@@ -64,6 +64,14 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.debugger.point_at(node, target)
         case c.AskQuestion(request):
             _ask(state, state.debugger.handle_request(request))
+        case c.AskAbout(question, edge, request, at_s):
+            if at_s is not None:
+                handle(state, c.Seek(at_s))
+            _choose_question(state, question)
+            if edge is not None:
+                state.debugger.point_at(*edge)
+            if request is not None:
+                _ask(state, state.debugger.handle_request(request))
         case c.EditMap(deltas):
             change_map(state, deltas)
         case c.OpenRecording():
@@ -84,7 +92,7 @@ def _carry_out(state: AppState, command: c.Command) -> None:
 
 def _pick_edge(state: AppState, ends: tuple[NodeId, NodeId]) -> None:
     if not state.debugger.is_on:
-        state.debugger.choose(QuestionName.EDGE)
+        _choose_question(state, QuestionName.EDGE)
     state.debugger.point_at(*ends)
 
 
@@ -207,7 +215,11 @@ def _step(state: AppState) -> None:
 
 
 def _choose_question(state: AppState, name: str) -> None:
-    state.debugger.choose(next((each for each in state.debugger.names if each == name), QuestionName.NONE))
+    """Show a question and count it in the recording; an unknown name asks nothing."""
+    word = next((word for word, known in state.debugger.words.items() if known == name), None)
+    state.debugger.choose(QuestionName.FIRST if word is None else name)
+    if word is not None:
+        state.live.recorder.write_question(word)
 
 
 def _ask(state: AppState, asked: c.Command | None) -> None:

@@ -82,7 +82,8 @@ class QuestionName(StrEnum):
         member.earlier_words = earlier_words
         return member
 
-    NONE = "choose a question …", ""
+    FIRST = "What went wrong here?", "wrong"
+    """The question on show while a person asks no other; clicks on the map are not for it."""
     EDGE = "What about this edge?", "edge", "blame", "presence", "tried"
     TIME = "What happened when?", "time"
     DECISIONS = "What did it decide?", "decisions"
@@ -145,16 +146,15 @@ NO_ANSWER = QuestionAnswer()
 class Inspection:
     """The debugger's state for the page."""
 
-    question: str = QuestionName.NONE
+    question: str = QuestionName.FIRST
     """Name of the question in the page."""
-    about: str = ""
     verb: str = ""
     """Label of the button that submits the typed text."""
     answer: QuestionAnswer = NO_ANSWER
     serial: int = 0
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
-    offered: tuple[str, ...] = (QuestionName.NONE,)
+    offered: tuple[str, ...] = (QuestionName.FIRST,)
     abouts: Mapping[str, str] = field(default_factory=dict)
     """One line about each question, by its name."""
     markup: str = ""

@@ -62,6 +62,10 @@ class RecordingSink(Protocol):
         """Append an event."""
         ...
 
+    def write_question(self, word: str) -> None:
+        """Count a question that a person asked."""
+        ...
+
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map."""
         ...
@@ -163,6 +167,11 @@ class Recorder:
         if current is None or (isinstance(stamped.event, GraphChanged) and not current.has_map):
             return  # Changes before the copy are part of the map.
         self._write(current, lambda writer: writer.write_event(stamped))
+
+    def write_question(self, word: str) -> None:
+        """Count a question that a person asked, if a recording is running."""
+        if (current := self._current) is not None:
+            self._write(current, lambda writer: writer.write_question(word))
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map for the viewer, if a recording is running; the map must not change during the call."""

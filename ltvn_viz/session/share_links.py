@@ -17,7 +17,7 @@ from ltvn_viz.wishes.commands import Action, Ask, Command, OpenRecording, PointA
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
 QUESTION_WORDS: Mapping[str, str] = {
-    word: name.value for name in QuestionName for word in (name.word, *name.earlier_words) if word
+    word: name.value for name in QuestionName for word in (name.word, *name.earlier_words)
 }
 """Names of our own questions, by their words in addresses."""
 
@@ -25,7 +25,7 @@ QUESTION_WORDS: Mapping[str, str] = {
 def link(
     replay: str,
     at_s: float,
-    question: QuestionName = QuestionName.NONE,
+    question: QuestionName = QuestionName.FIRST,
     selection: Selection | None = None,
 ) -> str:
     """Return the address, without host and key, of a recording at a time in seconds after its beginning."""
@@ -34,7 +34,7 @@ def link(
         words["edge"] = f"{selection.edge[0]}-{selection.edge[1]}"
     elif selection is not None and selection.node is not None:
         words["node"] = str(selection.node)
-    if question is not QuestionName.NONE:
+    if question is not QuestionName.FIRST:
         words["tool"] = question.word
     return f"/?{urlencode(words)}"
 

@@ -54,8 +54,9 @@ function onEnter(event) {
 }
 
 function rememberFocus({ target }) {
-  const { ltvnAction, id } = target.dataset ?? {};
-  focusedControl = ltvnAction === undefined ? null : `[data-ltvn-action="${ltvnAction}"]${id === undefined ? "" : `[data-id="${id}"]`}`;
+  const { ltvnAction, id, text } = target.dataset ?? {};
+  const about = text === undefined ? (id === undefined ? "" : `[data-id="${id}"]`) : `[data-text="${CSS.escape(text)}"]`;
+  focusedControl = ltvnAction === undefined ? null : `[data-ltvn-action="${ltvnAction}"]${about}`;
 }
 
 // To be called when the panels were drawn anew: a control that stood there before keeps the focus.

@@ -40,10 +40,11 @@ class TerminalAnswer(OwnWords):
     said: "FileAnswer"
 
     def as_text(self) -> str:
-        """Return the answer's lines and tables."""
+        """Return the answer's lines and tables, then the commands of the next questions."""
         from ltvn_core.analysis.answer_text import answer_text
 
-        return answer_text(self.said.answer)
+        following = [self._command_line(link.to) for link in self.said.answer.links() if link.is_button]
+        return "\n".join([answer_text(self.said.answer), *filter(None, following)])
 
     def as_json(self) -> dict[str, Any]:
         """Return the question and the answer's blocks, with links as command lines."""

@@ -127,6 +127,19 @@ class AskQuestion:
 
 
 @dataclass(frozen=True, eq=False)
+class AskAbout:
+    """Ask a question of the debugger with its arguments."""
+
+    question: str
+    """Name of the question."""
+    edge: tuple[NodeId, NodeId] | None = None
+    """The edge to select."""
+    request: QuestionRequest | None = None
+    at_s: float | None = None
+    """The time to show, in seconds after the beginning."""
+
+
+@dataclass(frozen=True, eq=False)
 class PointAt:
     """Select a node, or an edge from `node` to `target`, for the question on show."""
 
@@ -176,5 +189,7 @@ class ReportError:
     text: str
 
 
-Command: TypeAlias = Ask | AskQuestion | PointAt | NavigateToImage | OpenRecording | Seek | EditMap | ReportError
+Command: TypeAlias = (
+    Ask | AskQuestion | AskAbout | PointAt | NavigateToImage | OpenRecording | Seek | EditMap | ReportError
+)
 """All commands to the session; pyright reports each place that must handle a new one."""

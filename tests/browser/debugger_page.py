@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.wishes.commands import Action, Ask, Command, Mode, OpenRecording, PointAt, Seek
+from ltvn_viz.wishes.commands import Action, Ask, AskAbout, Command, Mode, OpenRecording, PointAt, Seek
 from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
@@ -51,23 +51,15 @@ class DebuggerPage:
 
     def ask(self, question: QuestionName) -> Locator:
         """Choose a question of the list, and return where its answer will stand."""
-        box = self.page.get_by_label("Question", exact=True).locator("visible=true")
         if self.shown.question is not question:
-            self.until(lambda: box.input_value() == str(self.shown.question))
-            box.click()
-            self.page.get_by_role("option", name=question.value, exact=True).click()
+            press_question(self.page, question)
             self.until(lambda: self.shown.question is question)
         return self.settled()
 
     def questions(self) -> list[QuestionName]:
-        """Return the questions on offer, without the one that asks nothing."""
-        self.page.get_by_label("Question", exact=True).locator("visible=true").click()
-        self.page.get_by_role("option").locator("visible=true").first.wait_for()
-        offered = self.page.get_by_role("option").all_inner_texts()
-        self.page.keyboard.press("Escape")
-        return [
-            question for question in QuestionName if question.value in offered and question is not QuestionName.NONE
-        ]
+        """Return the questions on offer."""
+        offered = [button.get_attribute("data-text") for button in self.page.locator(".lt-question").all()]
+        return [question for question in QuestionName if question.value in offered]
 
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
@@ -79,8 +71,8 @@ class DebuggerPage:
         self.settled()
 
     def _handled(self, command: Command | None, before: Inspection) -> bool:
-        if isinstance(command, Ask):
-            return self.shown.question == command.value
+        if isinstance(command, Ask | AskAbout):
+            return self.shown.question == (command.value if isinstance(command, Ask) else command.question)
         if isinstance(command, PointAt):
             edge, node = self.shown.selection.edge, self.shown.selection.node
             return node == command.node if command.target is None else edge == (command.node, command.target)
@@ -89,7 +81,7 @@ class DebuggerPage:
     def link(self, label: str | re.Pattern[str]) -> Locator:
         """Return the first link with this label."""
         whole = re.compile(f"^{re.escape(label)}$") if isinstance(label, str) else label
-        return self.answer.locator("a", has_text=whole).first
+        return self.answer.locator("a, .lt-next", has_text=whole).first
 
     def go_to_the_robot(self) -> None:
         """Leave the recording, if one is open, and wait until the map is whole."""
@@ -206,6 +198,15 @@ class DebuggerPage:
     def shown(self) -> Inspection:
         """What the app shows in the tab."""
         return self.app.session.state.debugger.shown
+
+
+def press_question(page: Page, question: QuestionName) -> None:
+    """Press the button of a question, in the row or under “More”."""
+    button = page.locator(f'.lt-question[data-text="{question}"]')
+    button.wait_for(state="attached")
+    if not button.is_visible():
+        page.locator(".lt-asks summary").click()
+    button.click()
 
 
 @contextmanager

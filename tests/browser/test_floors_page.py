@@ -45,7 +45,7 @@ def test_a_lift_is_written_down_waited_for_and_done(app: FlatApp, page: Page) ->
     page.locator("input:not([readonly]):visible, textarea:visible").last.fill(LIFT)
     press(page, "Change the map", lambda: harness.now.floor is not None)
 
-    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.NONE))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.FIRST))
     app.session.send(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)))
     until_shown(app, lambda now: now.waiting is not None)
     expect(page.get_by_text(f"waits at node {source}: {LIFT}").first).to_be_visible()

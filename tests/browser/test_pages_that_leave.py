@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.wishes.commands import Mode
+from tests.browser.debugger_page import press_question
 from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, navigate_far, serving, until_shown
 from tests.browser.pages import open_page
@@ -81,10 +82,8 @@ def test_a_watching_page_is_grey_and_says_why(app: FlatApp, chromium: Browser) -
         expect(minutes).to_have_value("3")
         assert app.harness.now.recording.name is None
         page.get_by_role("tab", name="Why").click()
-        box = page.get_by_label("Question", exact=True).locator("visible=true")
-        box.click()
-        page.get_by_role("option", name="What happened when?", exact=True).click()
-        expect(box).to_have_value(QuestionName.NONE.value)
+        press_question(page, QuestionName.TIME)
+        expect(page.locator(".lt-question[aria-pressed=true]")).to_have_text("What went wrong?")
         assert not app.harness.state.debugger.is_on
         page.get_by_role("button", name="Take over", exact=True).first.click()
         expect(page.get_by_text("Another page drives")).to_be_hidden()

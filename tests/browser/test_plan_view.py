@@ -70,7 +70,7 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
 @pytest.fixture
 def hands(app: RunningApp, page: Page) -> PlanHands:
     """A page that shows the whole floor and asks nothing."""
-    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.NONE))
+    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.FIRST))
     until(lambda: not app.session.state.debugger.is_on)
     hands = PlanHands(app, page)
     hands.show_whole()

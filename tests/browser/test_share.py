@@ -14,6 +14,7 @@ from ltvn_viz.session.share_links import link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes.commands import Action, Ask, Mode
 from tests.browser.actions import wait_for_rest
+from tests.browser.debugger_page import press_question
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
 from tests.repository import RECORDINGS
@@ -77,10 +78,8 @@ def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: 
 def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, page: Page) -> None:
     open_link_to_edge(app, page)
     page.get_by_role("tab", name="Why").click()
-    question = page.get_by_label("Question", exact=True).locator("visible=true")
-    expect(question).to_have_value(QuestionName.EDGE.value)
-    question.click()
-    page.get_by_role("option", name=QuestionName.SHARE.value).click()
+    expect(page.locator(".lt-question[aria-pressed=true]")).to_have_text("Why this edge?")
+    press_question(page, QuestionName.SHARE)
     address = "/?replay=demo-drive.rrd&at=42.5&edge=728-724&tool=edge"
     expect(page.get_by_role("link", name="Link to this moment")).to_have_attribute("href", address)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
@@ -102,8 +101,7 @@ def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, p
 def test_where_no_script_may_copy_the_text_stands_there_selected(app: FlatApp, page: Page) -> None:
     open_link_to_edge(app, page)
     page.get_by_role("tab", name="Why").click()
-    page.get_by_label("Question", exact=True).locator("visible=true").click()
-    page.get_by_role("option", name=QuestionName.SHARE.value).click()
+    press_question(page, QuestionName.SHARE)
     command = page.locator(".lt-why code")
     command.evaluate("code => code.prepend('a_name_without_a_gap'.repeat(6))")
     assert command.evaluate("code => code.offsetWidth <= code.closest('[role=tabpanel]').clientWidth")

@@ -148,8 +148,6 @@ def test_keys_read_what_a_pointer_there_is_told_and_many_events_of_a_kind_are_co
 
 def test_the_words_are_explained_in_a_window_that_escape_closes(page: Page) -> None:
     page.get_by_role("tab", name="Why").click()
-    page.get_by_role("combobox", name="Question").or_(page.get_by_label("Question")).first.click()
-    page.get_by_role("option", name="Stop when …").click()
     page.get_by_role("button", name="What do the words mean?").first.click()
     words = page.get_by_role("dialog", name="what the words mean")
     expect(words).to_contain_text("R_p: pruning threshold")

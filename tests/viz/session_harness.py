@@ -108,6 +108,7 @@ class FakeWriter:
     path: Path
     frames: list[Observation] = field(default_factory=list)
     events: list[StampedEvent] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
     closed: bool = False
     failure: str | None = None
 
@@ -124,6 +125,9 @@ class FakeWriter:
 
     def write_event(self, stamped: StampedEvent) -> None:
         self.events.append(stamped)
+
+    def write_question(self, word: str) -> None:
+        self.asked.append(word)
 
     def draw_scene(self, glb: bytes) -> None:
         """Draw nothing."""

@@ -97,12 +97,7 @@ def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> N
 def test_a_watcher_sees_the_driver_s_question_and_asks_none_itself(app: FlatApp) -> None:
     with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
-        controls = app.server.gui._gui_input_handle_from_uuid.values()
-        questions: Any = next(each for each in controls if getattr(each, "label", "") == "Question")
-        until(lambda: QuestionName.EDGE in questions.options)
-        watcher.set(questions._impl.uuid, str(QuestionName.TIME))
-        watcher.settle()
-        driver.set(questions._impl.uuid, str(QuestionName.EDGE))
+        driver.ask(Action.QUESTION, str(QuestionName.EDGE))
         node = int(app.harness.now.moment.graph.ids[3])
         until_shown(app, lambda now: now.inspection.question == QuestionName.EDGE)
         driver.ask(Action.PICK, node)

@@ -42,6 +42,8 @@ class RecordingInfo:
     """What building the map corrected or added by itself; empty for other recordings, and older maps."""
     events: Mapping[str, int]
     """Number of events of each kind."""
+    questions: Mapping[str, int]
+    """How often a person asked each question of the debugger, by its word."""
     fingerprint: str
     schema: int
     versions: Mapping[str, str]
@@ -83,6 +85,7 @@ def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
         collisions=sum(isinstance(event, Collided) for event in events),
         corrections=from_config(meta.config),
         events=dict(sorted(Counter(type(event).__name__ for event in events).items())),
+        questions=dict(sorted(Counter(recording.questions_asked()).items())),
         fingerprint=meta.fingerprint,
         schema=meta.schema,
         versions=meta.versions,

@@ -202,6 +202,11 @@ class Recording:
         """Yield the rows that a user logged with `RecordingWriter.log`, as Rerun's readers return them."""
         return self._contents.user_rows()
 
+    def questions_asked(self) -> list[str]:
+        """Return the words of the questions that a person asked the debugger during the run."""
+        batches = [each for each in self._contents.batches_of(schema.ASKED) if "TextLog:text" in each.schema.names]
+        return [word for each in batches for words in each.column("TextLog:text").to_pylist() for word in words or ()]
+
     def scene_glb(self) -> bytes | None:
         """Return the scene as binary glTF; None if the file has none."""
         for batch in self._contents.batches_of(schema.SCENE):

@@ -80,6 +80,8 @@ GOAL_IMAGE = "images/goal"
 SUBGOAL_IMAGE = "images/subgoal"
 NODE_IMAGE = "images/node"
 MARGIN = "margin"
+ASKED = "questions/asked"
+"""The words of the questions that a person asked the debugger, one row each; copied as rows of a user are."""
 
 OWN_ENTITIES = (
     SCENE,

@@ -193,6 +193,10 @@ class RecordingWriter:
         with self._stream.together():
             self._stream.log(time, path, *rows)
 
+    def write_question(self, word: str) -> None:
+        """Write the word of a question that a person asked the debugger."""
+        self.log(schema.ASKED, rr.TextLog(word))
+
     def copy_user_rows(self, batch: pa.RecordBatch) -> None:
         """Write the user's own rows of another recording, see `Recording.user_rows`."""
         with self._stream.together():

@@ -149,7 +149,7 @@ def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) ->
 def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(demo: SessionHarness) -> None:
     shown = demo.do(*commands_from_link("replay=gone.rrd&at=3&tool=edge&edge=1-2"), ticks=3)
     assert "gone.rrd" in said(shown)
-    assert shown.inspection.question is QuestionName.NONE
+    assert shown.inspection.question is QuestionName.FIRST
     assert demo.do(c.Seek(1.0)).mode is Mode.REPLAY
 
 

@@ -55,7 +55,7 @@ def own(harness: SessionHarness) -> SessionHarness:
 
 def test_a_question_of_ones_own_is_offered_and_answers(own: SessionHarness) -> None:
     shown = own.do(c.Ask(c.Action.QUESTION, "How many nodes?"), ticks=2)
-    assert shown.inspection.offered == (QuestionName.NONE, "How many nodes?")
+    assert shown.inspection.offered == ("How many nodes?",)
     assert f"{len(own.state.live_map.graph.nodes)} nodes, counted 1 times" in words(shown)
     assert "counted 2 times" in words(follow(own, shown, "count again"))
 
@@ -95,12 +95,12 @@ def test_a_question_that_takes_no_text_says_so(own: SessionHarness) -> None:
 
 def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:
     words = SessionHarness(tmp_path).state.debugger.words
-    sent = "edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
+    sent = "wrong edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
     assert " ".join(words) == sent
     earlier = [words[word] for word in ("blame", "presence", "tried")]
     assert set(earlier) == {words["edge"]}
     assert len(set(words.values())) == len(words) - len(earlier)
-    with pytest.raises(OptionError, match="edge, blame"):
+    with pytest.raises(OptionError, match="wrong, edge, blame"):
         commands_from_link("tool=explode", words)
 
 
@@ -111,8 +111,7 @@ def link_numbers(snapshot: Snapshot) -> list[int]:
 def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: SessionHarness) -> None:
     source, _ = harness.an_edge
     snapshot = harness.do(c.Ask(c.Action.PICK, source))
-    assert snapshot.inspection.question is QuestionName.NONE
-    assert snapshot.inspection.html == ""
+    assert snapshot.inspection.question is QuestionName.FIRST
     assert snapshot.mode is Mode.NAVIGATING
 
 
@@ -159,4 +158,4 @@ def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionH
 
 def test_text_that_no_question_asked_for_are_answered_with_what_to_do(harness: SessionHarness) -> None:
     snapshot = harness.do(c.Ask(c.Action.TELL, "hello"))
-    assert "Choose a question first" in said(snapshot)
+    assert "Nothing can be typed here" in said(snapshot)

@@ -18,7 +18,7 @@ from ltvn_core import worlds as w
 from ltvn_core.data.recording import mapped_batches
 from ltvn_core.data.recording.event_codec import decode_event, encode_event
 from ltvn_core.data.recording.info import read_info
-from ltvn_core.data.recording.integrity import verify
+from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
@@ -205,6 +205,18 @@ def test_a_summary_counts_what_was_written(path: Path) -> None:
     summary = read_info(path)
     assert (summary.frames, summary.nodes, summary.edges, summary.reserve) == (10, 3, 2, 3)
     assert (summary.queries, summary.whole, summary.scene, summary.fingerprint) == (1, True, "demo", "abc")
+    assert summary.questions == {}
+
+
+def test_questions_are_counted_also_after_a_repair_and_change_no_event(path: Path, tmp_path: Path) -> None:
+    with RecordingWriter(path) as writer:
+        for step, event in enumerate(example_recording.events()):
+            writer.write_event(StampedEvent(step, step / 10, event))
+        for word in ("edge", "wrong", "edge"):
+            writer.write_question(word)
+    repair(path, tmp_path / "repaired.rrd")
+    assert read_info(path).questions == read_info(tmp_path / "repaired.rrd").questions == {"edge": 2, "wrong": 1}
+    assert [each.event for each in Recording.open(path).events] == example_recording.events()
 
 
 def test_a_map_returns_with_its_images(tmp_path: Path) -> None:

@@ -66,7 +66,10 @@ def picture_figure(picture: Picture) -> str:
     if picture.waypoint is not None:
         tilted = picture.camera if seen.tilt is None else replace(picture.camera, **seen.tilt._asdict())
         _draw_pole(rgb, picture.waypoint, tilted, scale)
-    return f'<figure><img src="{_data_url(rgb)}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
+    found, coded = cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    assert found
+    url = "data:image/jpeg;base64," + base64.b64encode(coded.tobytes()).decode("ascii")
+    return f'<figure><img src="{url}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
 
 
 def _draw_pole(rgb: Rgb, waypoint: Waypoint, camera: CameraModel, scale: float) -> None:
@@ -77,12 +80,6 @@ def _draw_pole(rgb: Rgb, waypoint: Waypoint, camera: CameraModel, scale: float) 
     colour = tuple(int(part) for part in palette.TARGET)
     cv2.line(rgb, top, foot, colour, 2, cv2.LINE_AA)
     cv2.circle(rgb, foot, 5, colour, -1, cv2.LINE_AA)
-
-
-def _data_url(rgb: Rgb) -> str:
-    found, coded = cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 85])
-    assert found
-    return "data:image/jpeg;base64," + base64.b64encode(coded.tobytes()).decode("ascii")
 
 
 def answer_html(answer: Answer) -> str:

@@ -4,7 +4,6 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Link, Strong, joined
@@ -12,7 +11,7 @@ from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_core.navigation.event_text import edge_text
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.timeline.breakpoint_monitor import Breakpoint, BreakpointMonitor
 from ltvn_viz.wishes.commands import QuestionRequest
 
@@ -32,27 +31,17 @@ _OF_NODE = (MarkKind.PRUNE, MarkKind.FAILURE, MarkKind.QUERY_START)
 
 
 @dataclass(frozen=True, slots=True)
-class AddBreakpoint(QuestionRequest):
-    """Add a breakpoint."""
+class SetBreakpoint(QuestionRequest):
+    """Add a breakpoint, or remove it."""
 
     breakpoint: Breakpoint
+    is_set: bool
 
 
-@dataclass(frozen=True, slots=True)
-class RemoveBreakpoint(QuestionRequest):
-    """Remove a breakpoint."""
-
-    breakpoint: Breakpoint
-
-
-BreakpointRequest: TypeAlias = AddBreakpoint | RemoveBreakpoint
-
-
-class BreakpointQuestion(Question[BreakpointRequest]):
+class BreakpointQuestion(Question[SetBreakpoint]):
     """Sets breakpoints and shows where they were met."""
 
     name = QuestionName.BREAK
-    word = QuestionName.BREAK.word
     about = "The query or the replay stops at a kind of event that you choose, anywhere or at a node or an edge."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:
@@ -64,24 +53,20 @@ class BreakpointQuestion(Question[BreakpointRequest]):
         builder = AnswerBuilder()
         known = self._monitor.breakpoints
         for each in known:
-            builder.add_line(Strong(_text(each)), " · ", request_link("remove", RemoveBreakpoint(each)))
+            builder.add_line(Strong(_text(each)), " · ", request_link("remove", SetBreakpoint(each, is_set=False)))
         if known:
             _add_stops(context, self._monitor.stops_among(context.timeline.marks), builder)
         offers = [each for each in (*_about(selection), *map(Breakpoint, _WORDS)) if each not in known]
         if offers:
-            builder.add_line("Stop at: ", joined(request_link(_text(each), AddBreakpoint(each)) for each in offers))
+            builder.add_line(
+                "Stop at: ", joined(request_link(_text(each), SetBreakpoint(each, is_set=True)) for each in offers)
+            )
         return builder.build(_overlay(context, known))
 
-    def handle_request(self, context: DebugContext, request: BreakpointRequest) -> None:
+    def handle_request(self, context: DebugContext, request: SetBreakpoint) -> None:
         """Add or remove a breakpoint."""
         others = tuple(each for each in self._monitor.breakpoints if each != request.breakpoint)
-        match request:
-            case AddBreakpoint(fresh):
-                self._monitor.breakpoints = (*others, fresh)
-            case RemoveBreakpoint():
-                self._monitor.breakpoints = others
-            case _:
-                assert_never(request)
+        self._monitor.breakpoints = (*others, request.breakpoint) if request.is_set else others
 
 
 def _text(breakpoint_: Breakpoint) -> str:
@@ -122,4 +107,4 @@ def _overlay(context: DebugContext, breakpoints: Sequence[Breakpoint]) -> Overla
     edges = [pair for each in breakpoints for pair in pairwise(each.ids)]
     nodes = [each.ids[0] for each in breakpoints if len(each.ids) == 1]
     strokes = context.strokes(edges, palette.EDGE_REMOVED)
-    return Overlay(strokes, dict.fromkeys(nodes, palette.EDGE_REMOVED)) if strokes or nodes else EMPTY_OVERLAY
+    return Overlay(strokes, dict.fromkeys(nodes, palette.EDGE_REMOVED))

@@ -5,7 +5,7 @@ This includes changes since an earlier time: edges that are closed now or open a
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias, assert_never
+from typing import TypeGuard
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Key, Step
@@ -58,44 +58,23 @@ RETURNED = palette.SOURCE
 
 
 @dataclass(frozen=True, slots=True)
-class CompareWithStart(QuestionRequest):
-    """Compare with this run before its first query."""
+class CompareWith(QuestionRequest):
+    """Compare with the map of a recording, or with this run at a time of the world or before its first query."""
+
+    other: str | WorldTime | None
+    """Name of a recording, or a time; None for the list of maps to compare with."""
 
 
-@dataclass(frozen=True, slots=True)
-class CompareWithRecording(QuestionRequest):
-    """Compare with the map of another recording."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseAnother(QuestionRequest):
-    """Go back to the list of maps to compare with."""
-
-
-@dataclass(frozen=True, slots=True)
-class CompareWithTime(QuestionRequest):
-    """Compare with this run at an earlier time of the world."""
-
-    time: WorldTime
-
-
-ComparisonRequest: TypeAlias = CompareWithStart | CompareWithRecording | CompareWithTime | ChooseAnother
-_Other: TypeAlias = CompareWithStart | CompareWithRecording | CompareWithTime
-
-
-class ComparisonQuestion(Question[ComparisonRequest]):
+class ComparisonQuestion(Question[CompareWith]):
     """Shows the differences to another map."""
 
     name = QuestionName.COMPARE
-    word = QuestionName.COMPARE.word
     verb = "Compare"
     about = "This map compared with another: figures of both, and the edges that differ, the most important first."
 
     def __init__(self) -> None:
         """Start without another map."""
-        self._other: _Other | None = None
+        self._other: str | WorldTime | None = None
         self._latest = LatestAnswer()
         self._earlier: tuple[Hashable, Timeline, ComparedMap] | None = None
 
@@ -104,14 +83,14 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         builder = AnswerBuilder()
         if self._other is None:
             return _offer(context, builder)
-        builder.add_line(request_link(CHOOSE_ANOTHER, ChooseAnother()))
+        builder.add_line(request_link(CHOOSE_ANOTHER, CompareWith(None)))
         try:
             there = self._there(context, self._other)
         except LtvnError as error:
             builder.add_line(str(error))
             return builder.build()
         if there is None:
-            named = self._other.name if isinstance(self._other, CompareWithRecording) else "what was before"
+            named = self._other if _is_recording(self._other) else "what was before"
             builder.add_pending(f"Opening {named}")
             return builder.build()
         question = "compare", context.name, context.revision(Collided, QueryEnded, Judged, WorldChanged), there.name
@@ -127,41 +106,33 @@ class ComparisonQuestion(Question[ComparisonRequest]):
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Choose another recording by its name, or a time; raises RecordingError, OptionError."""
-        request = CompareWithTime(parse_world_time(text)) if names_time(text) else CompareWithRecording(text.strip())
-        self.handle_request(context, request)
+        self.handle_request(context, CompareWith(parse_world_time(text) if names_time(text) else text.strip()))
 
-    def handle_request(self, context: DebugContext, request: ComparisonRequest) -> None:
+    def handle_request(self, context: DebugContext, request: CompareWith) -> None:
         """Choose the other map, or none; raises RecordingError if there is no recording with that name."""
-        match request:
-            case CompareWithRecording(name):
-                context.library.path(name)
-                self._other = request
-            case CompareWithTime(time):
-                time_behind(time, context.world_s)
-                self._other = request
-            case CompareWithStart():
-                self._other = request
-            case ChooseAnother():
-                self._other = None
-            case _:
-                assert_never(request)
+        other = request.other
+        if _is_recording(other):
+            context.library.path(other)
+        elif not isinstance(other, str | None):
+            time_behind(other, context.world_s)
+        self._other = other
         self._latest.forget()
 
-    def _there(self, context: DebugContext, other: _Other) -> ComparedMap | None:
-        if isinstance(other, CompareWithRecording):
-            path = context.library.path(other.name)
-            return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: opened_map(path))
+    def _there(self, context: DebugContext, other: str | WorldTime) -> ComparedMap | None:
+        if _is_recording(other):
+            path = context.library.path(other)
+            return context.in_background(("open", other, path.stat().st_mtime_ns), lambda: opened_map(path))
         # A relative time moves with the moment; it is rounded to minutes, so that the cache can be used.
-        moment = round(context.world_s / 60) if isinstance(other, CompareWithTime) else 0
+        moment = round(context.world_s / 60) if not isinstance(other, str) else 0
         key = other, first_query_event(context), moment
         if self._earlier is None or self._earlier[:2] != (key, context.timeline):
-            made = (
-                map_at_time(context, other.time)
-                if isinstance(other, CompareWithTime)
-                else map_before_first_query(context)
-            )
+            made = map_before_first_query(context) if isinstance(other, str) else map_at_time(context, other)
             self._earlier = key, context.timeline, made
         return self._earlier[2]
+
+
+def _is_recording(other: str | WorldTime | None) -> TypeGuard[str]:
+    return isinstance(other, str) and other != BEFORE_FIRST_QUERY
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
@@ -169,10 +140,10 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
     names = [name for name in context.library.names() if name != context.name]
     offered: list[list[Inline]] = []
     if context.timeline.queries:
-        offered.append(["this run, ", request_link(BEFORE_FIRST_QUERY, CompareWithStart())])
+        offered.append(["this run, ", request_link(BEFORE_FIRST_QUERY, CompareWith(BEFORE_FIRST_QUERY))])
     offered += _offered_times(context)
     for name in names[:_NAMES]:
-        offered.append([request_link(name, CompareWithRecording(name))])
+        offered.append([request_link(name, CompareWith(name))])
     for each in offered:
         builder.add_line(each)
     if not offered:
@@ -193,7 +164,7 @@ def _offered_times(context: DebugContext) -> list[list[Inline]]:
         return []
     began_s = world_time_at(context.timeline, context.timeline.instant(0))
     return [
-        ["this run, ", request_link(name, CompareWithTime(time))]
+        ["this run, ", request_link(name, CompareWith(time))]
         for name, time in zip(_NAMED_TIMES, _TIMES, strict=True)
         if context.world_s + time.seconds > began_s
     ]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 from ltvn_core.analysis.replanning import Rules
 from ltvn_core.analysis.timeline import Timeline
@@ -31,20 +30,6 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.saved_files import SavedFile
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.run_moment import RunMoment
-
-
-class PredictorView(NamedTuple):
-    """Converts a run's images for a predictor; may be used in any thread."""
-
-    camera: CameraModel
-    """Camera of the run's images."""
-    predictor: Predictor
-
-    def of(self, seen: Observation) -> Observation | None:
-        """Return an image as the predictor's camera would have taken it; None if it cannot be compared."""
-        if not is_usable(seen, self.predictor):
-            return None
-        return recorded_observation(seen, self.camera, self.predictor.camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +124,11 @@ class DebugContext:
         """Time of the world at the moment, in seconds from midnight of its first day."""
         return latest_known_time(self.graph, world_time_at(self.timeline, self.instant))
 
-    @property
-    def view(self) -> PredictorView:
-        """Return the converter from an image of this run to one for the predictor in use."""
-        return PredictorView(self.camera, self.predictor)
+    def as_compared(self, seen: Observation) -> Observation | None:
+        """Return an image as the predictor's camera would have taken it; None if it cannot be compared."""
+        if not is_usable(seen, self.predictor):
+            return None
+        return recorded_observation(seen, self.camera, self.predictor.camera)
 
     def pose(self, node: NodeId) -> Pose | None:
         """Return the pose (3,) at which a node is drawn; None if unknown."""

@@ -8,7 +8,7 @@ from typing import Never
 from ltvn_core.analysis.answer import Hint, Inline, Step
 from ltvn_core.analysis.decisions import Decision, query_decisions
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, has_query, time_link
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 
 _ROWS = 24
@@ -19,12 +19,8 @@ class DecisionQuestion(Question[Never]):
     """Shows the decisions and their rules."""
 
     name = QuestionName.DECISIONS
-    word = QuestionName.DECISIONS.word
+    is_offered = has_query
     about = "Each decision of the query with the rule and the number behind it, the latest first."
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the run has any query."""
-        return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """List the decisions of the query up to the moment."""

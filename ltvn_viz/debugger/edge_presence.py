@@ -5,7 +5,7 @@ Owns the texts. The numbers come from `ltvn_core.analysis.edge_presence_history`
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TypeAlias
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, PresenceChart, Strong
@@ -51,14 +51,8 @@ _AHEAD_S: tuple[tuple[str, float], ...] = (
 )
 
 
-class _Forecast(NamedTuple):
-    """The filter's predictions for one edge."""
-
-    strip: PresenceStrip
-    now_s: float
-    soon: tuple[float, ...]
-    """p(open) at the times of `_AHEAD_S` from now."""
-    back_s: float | None
+_Forecast: TypeAlias = tuple[PresenceStrip, float, tuple[float, ...], float | None]
+"""p(open) over time, the time now, p(open) at the times of `_AHEAD_S` from now, and when it counts as open again."""
 
 
 class EdgePresencePart:
@@ -110,26 +104,27 @@ def _forecast(seen: Sequence[PresenceObservation], presence_filter: PresenceFilt
     ahead_s = DAY_S if history_s > _SHORT_HISTORY_S else _HOUR_S
     strip = presence_strip(seen, presence_filter, strip_times(seen, now_s, ahead_s=ahead_s))
     soon = presence_strip(seen, presence_filter, [now_s + ahead for _, ahead in _AHEAD_S]).probabilities
-    return _Forecast(strip, now_s, soon, expected_open_s(seen, presence_filter, now_s))
+    return strip, now_s, soon, expected_open_s(seen, presence_filter, now_s)
 
 
 def _show_forecast(seen: Sequence[PresenceObservation], forecast: _Forecast, builder: AnswerBuilder) -> None:
-    points = tuple(zip(forecast.strip.times_s, forecast.strip.probabilities, strict=True))
+    strip, now_s, soon, back_s = forecast
+    points = tuple(zip(strip.times_s, strip.probabilities, strict=True))
     looks = tuple(LookMark(each.stamp_s, each.present) for each in seen)
-    builder.add_chart(PresenceChart(points, looks, forecast.now_s))
+    builder.add_chart(PresenceChart(points, looks, now_s))
     builder.add_line(
         Key(palette.EDGE_ADDED, "seen open"),
         Key(palette.EDGE_REMOVED, "seen blocked"),
         Key(palette.SOURCE, "p open, dashed: foretold"),
     )
-    rows = [(when, f"{p:.2f}", _state(p)) for (when, _), p in zip(_AHEAD_S, forecast.soon, strict=True)]
-    builder.add_table((f"it is {clock_text(forecast.now_s)}", "p open", "taken for"), rows)
-    if forecast.back_s is not None:
+    rows = [(when, f"{p:.2f}", _state(p)) for (when, _), p in zip(_AHEAD_S, soon, strict=True)]
+    builder.add_table((f"it is {clock_text(now_s)}", "p open", "taken for"), rows)
+    if back_s is not None:
         builder.add_line(
-            f"Without new observations it counts as open again from {clock_text(forecast.back_s)} on, in "
-            f"{duration_text(forecast.back_s - forecast.now_s)}."
+            f"Without new observations it counts as open again from {clock_text(back_s)} on, in "
+            f"{duration_text(back_s - now_s)}."
         )
-    elif forecast.soon[0] < 0.5:
+    elif soon[0] < 0.5:
         builder.add_line("Without new observations it does not count as open again within two weeks.")
 
 
@@ -212,7 +207,8 @@ class EdgeDecisionsPart:
         Without `edge`, explain the last such plan of any edge. Earlier such plans are listed with links. Adds nothing
         if the edge was never observed, or plans ignore presence.
         """
-        if context.presence_filter is None or not _was_seen(context, edge):
+        seen = context.graph.presence if edge is None else observed_presence(context.timeline, *edge, context.instant)
+        if context.presence_filter is None or not seen:
             return ()
         found = self._decisions(context)
         if found is None:
@@ -248,13 +244,6 @@ class EdgeDecisionsPart:
             return [each for each in made if each is not None]
 
         return self._latest(context.in_background, ("tried", *run, last), explain)
-
-
-def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
-    """Tell whether an edge was observed up to the moment; for None, whether any edge was."""
-    if edge is None:
-        return bool(context.graph.presence)
-    return bool(observed_presence(context.timeline, *edge, context.instant))
 
 
 def _explain(context: DebugContext, made: PresenceDecision, latest: LatestAnswer, builder: AnswerBuilder) -> None:

@@ -32,9 +32,8 @@ from ltvn_core.types import Waypoint
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_presence import EdgeDecisionsPart, EdgePresencePart, add_all_edges
 from ltvn_viz.debugger.edge_reasons import add_edge_reasons, add_node_reasons
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, time_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_map, time_link
 from ltvn_viz.session.inspection import (
-    EMPTY_OVERLAY,
     NOTHING_SELECTED,
     Overlay,
     QuestionAnswer,
@@ -70,8 +69,7 @@ class EdgeQuestion(Question[Never]):
     """Shows one edge, or the edges of a node."""
 
     name = QuestionName.EDGE
-    word = QuestionName.EDGE.word
-    earlier_words = QuestionName.EDGE.earlier_words
+    is_offered = has_map
     about = "Images, belief and attempts of an edge or a node, the reasons for its belief, and when it is open."
 
     def __init__(self) -> None:
@@ -80,10 +78,6 @@ class EdgeQuestion(Question[Never]):
         self._under = NOTHING_SELECTED
         self._presence = EdgePresencePart()
         self._decisions = EdgeDecisionsPart()
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the run ever had a map."""
-        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the typed or selected edge; else the selected node, and all edges that were seen blocked."""
@@ -115,8 +109,6 @@ class EdgeQuestion(Question[Never]):
             builder.add_table(("edge", "p", "length (mu), or action"), rows)
             add_node_reasons(context, node, selection.before, builder)
         strokes = add_all_edges(context, builder) + self._decisions.add(context, None, builder)
-        if node is None and not strokes:
-            return EMPTY_OVERLAY
         return Overlay(strokes, {} if node is None else {node: palette.SOURCE})
 
     def _edge(self, context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> Overlay:

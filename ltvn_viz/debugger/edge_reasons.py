@@ -47,12 +47,10 @@ def add_edge_reasons(context: DebugContext, story: EdgeHistory, builder: AnswerB
     if not story.lifetimes:
         _chain(context, "Why is it missing?", _missing(context, edge), builder)
     elif story.alive:
-        _chain(
-            context,
-            _doubt(story),
-            edge_explanation.explain_edge_belief(context.timeline, *edge, at=context.instant),
-            builder,
-        )
+        p = story.lifetimes[-1].beliefs[-1].belief.p
+        title = f"Why is its belief so low, p = {p:.2f}?" if p < 0.5 else f"Why is p = {p:.2f}?"
+        reasons = edge_explanation.explain_edge_belief(context.timeline, *edge, at=context.instant)
+        _chain(context, title, reasons, builder)
     else:
         reasons = edge_explanation.explain_pruned_edge(
             context.timeline, *edge, at=context.instant, believing=context.method.believing
@@ -104,15 +102,10 @@ def _chain(context: DebugContext, title: str, reasons: Sequence[ExplanationStep]
         builder.add_line(when, reason.text.replace("->", "→"))
 
 
-def _doubt(story: EdgeHistory) -> str:
-    belief = story.lifetimes[-1].beliefs[-1].belief
-    return f"Why is its belief so low, p = {belief.p:.2f}?" if belief.p < 0.5 else f"Why is p = {belief.p:.2f}?"
-
-
 def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:
     """Return (r, d) of the pair by the network in use; None without images or while it is computed."""
     views = [context.observation(node) for node in edge]
-    pictures = [image for seen in views if seen is not None and (image := context.view.of(seen)) is not None]
+    pictures = [image for seen in views if seen is not None and (image := context.as_compared(seen)) is not None]
     predictor = context.predictor
     if len(pictures) < len(views):
         return None

@@ -21,8 +21,6 @@ from ltvn_core.analysis.failure_triage import (
 )
 from ltvn_core.analysis.lifelong_success import LifelongSuccess, SuccessDip, lifelong_success
 from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted_edges, map_gap
-from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
@@ -30,8 +28,8 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import FrameId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_query, request_link, time_link
+from ltvn_viz.session.inspection import Label, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.wishes.commands import Action, Ask, PointAt, QuestionRequest
 
 _NEXT = {
@@ -61,11 +59,6 @@ class FailureSummary:
     failures: tuple[FailedQuery, ...]
     strip: LifelongSuccess
 
-    @classmethod
-    def of(cls, timeline: Timeline) -> "FailureSummary":
-        """Summarise a run; linear in its events."""
-        return cls(failed_queries(timeline), lifelong_success(timeline, WINDOW))
-
     def until(self, step: FrameId) -> "FailureSummary":
         """Return the summary up to a step."""
         failures = tuple(each for each in self.failures if (each.query.end or each.query.begin).step <= step)
@@ -84,18 +77,13 @@ class FailureQuestion(Question[ShowFailures]):
     """Shows failed queries."""
 
     name = QuestionName.FAILURES
-    word = QuestionName.FAILURES.word
+    is_offered = has_query
     about = "Failed queries by cause and place; a time shows the second before the failure."
 
     def __init__(self) -> None:
         """List the failures of all causes until one is chosen."""
         self._only: FailureMode | None = None
         self._known: tuple[object, FailureSummary | None] = (None, None)
-        self._drawn: tuple[object, Overlay] = (None, EMPTY_OVERLAY)
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the run has any query."""
-        return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the failures up to the moment, the last one first; a separate line mentions later failures."""
@@ -126,8 +114,8 @@ class FailureQuestion(Question[ShowFailures]):
         add_lifelong_curves(context, known.strip, builder)
         if later:
             _later(context, later, builder)
-        drawn = self._overlay(context, shown)
-        return builder.build(replace(drawn, nodes={**drawn.nodes, **ends}) if ends else drawn)
+        drawn = _drawing(context, shown)
+        return builder.build(replace(drawn, nodes={**drawn.nodes, **ends}))
 
     def handle_request(self, context: DebugContext, request: ShowFailures) -> None:
         """Show one cause, or all causes."""
@@ -139,7 +127,10 @@ class FailureQuestion(Question[ShowFailures]):
         last = (queries[-1].ended, queries[-1].judged) if queries else None
         # During a run, the failures are searched again after each query, not after each event.
         run = context.name, context.start_s
-        answer = context.in_background(("failures", *run, len(queries), last), lambda: FailureSummary.of(timeline))
+        answer = context.in_background(
+            ("failures", *run, len(queries), last),
+            lambda: FailureSummary(failed_queries(timeline), lifelong_success(timeline, WINDOW)),
+        )
         if answer is not None:
             self._known = run, answer
         return self._known[1] if self._known[0] == run else None
@@ -160,12 +151,6 @@ class FailureQuestion(Question[ShowFailures]):
             links.append(request_link("show all", ShowFailures(None)))
         if links:
             builder.add_line(joined(links))
-
-    def _overlay(self, context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
-        key = tuple(shown)
-        if key != self._drawn[0]:
-            self._drawn = key, _drawing(context, shown)
-        return self._drawn[1]
 
 
 def _row(context: DebugContext, failure: FailedQuery, *, is_later: bool = False) -> tuple[Inline, ...]:
@@ -226,7 +211,10 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
 
 def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
     """Return the driven edge after the words `drove`, and links to questions about it."""
-    edge = failure.edge or _last_edge(failure.query)
+    # The last driven edge led to the place where the robot reported its arrival.
+    driven = [each.started for each in failure.query.attempts]
+    last = next(((each.source, each.target) for each in reversed(driven) if each.source is not None), None)
+    edge = failure.edge or last
     asking: list[Inline] = ["Ask “"]
     if edge is not None:
         typed = f": --edge {edge[0]} {edge[1]}; ask “"
@@ -236,12 +224,6 @@ def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
     links = [Link(str(question), Ask(Action.QUESTION, question)) for question in questions]
     words = " or ".join(f"--ask {question.word}" for question in questions)
     return [*asking, *joined(links, "” or “"), Step("”.", f"” ({words}).")]
-
-
-def _last_edge(query: QueryRecord) -> EdgeKey | None:
-    """Return the last driven edge, which led to the place where the robot reported its arrival."""
-    driven = [(started.source, started.target) for started in (attempt.started for attempt in query.attempts)]
-    return next(((source, target) for source, target in reversed(driven) if source is not None), None)
 
 
 def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ltvn_core.analysis.answer import Answer, Paragraph
-from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.analysis.what_if_changes import format_what_if_change
 from ltvn_core.errors import OptionError
 from ltvn_core.garbage_collection import garbage_collection_paused
@@ -189,17 +188,13 @@ def _known_nodes(case: FileCase) -> str:
 
 def _time(case: FileCase, asked: FileAsk) -> float:
     """Return the time in seconds after the beginning: the given time, the end of the query, or the end of the file."""
-    query = None if asked.query is None else _query(case, asked.query)
+    known = {query.id: query for query in case.timeline.queries}
+    if asked.query is not None and asked.query not in known:
+        there = f"has the queries {min(known)} to {max(known)}" if known else "has no queries"
+        raise OptionError(f"{case.path.name} has no query {asked.query!s:.20}; it {there}.")
+    query = None if asked.query is None else known[asked.query]
     if asked.at_s is not None:
         return asked.at_s
     if query is None or query.end is None:
         return case.replay.length_s
     return min(query.end.stamp - case.timeline.start_s, case.replay.length_s)
-
-
-def _query(case: FileCase, number: int) -> QueryRecord:
-    known = {query.id: query for query in case.timeline.queries}
-    if number not in known:
-        there = f"has the queries {min(known)} to {max(known)}" if known else "has no queries"
-        raise OptionError(f"{case.path.name} has no query {number!s:.20}; it {there}.")
-    return known[number]

@@ -36,14 +36,13 @@ _CAUSES: Mapping[FailureMode, str] = {
 }
 _WHERE = Link("Where am I?", AskAbout(QuestionName.WHERE))
 _DECISIONS = Link("Why this way?", AskAbout(QuestionName.DECISIONS))
-_FAILURES = Link("What else failed?", AskAbout(QuestionName.FAILURES))
+_FAILURES = Link("What failed?", AskAbout(QuestionName.FAILURES))
 
 
 class FirstQuestion(Question[Never]):
     """Says what went wrong, or what the robot does, or what a map lacks."""
 
     name = QuestionName.FIRST
-    word = QuestionName.FIRST.word
     about = "How the query at this moment went, and what to ask next."
 
     def __init__(self) -> None:
@@ -73,7 +72,7 @@ class FirstQuestion(Question[Never]):
         if later:
             does = "fails" if later[0].succeeded is False else "begins"
             builder.add_line(f"Query {later[0].id} to node {later[0].goal} {does} later.")
-            builder.add_next(_at_its_end(context, later[0]), _FAILURES._replace(label="What failed?"))
+            builder.add_next(_at_its_end(context, later[0]), _FAILURES)
         elif context.is_live:
             row = int(np.argmin(graph.p)) if len(graph.p) else None
             edge = None if row is None else tuple(graph.ids[graph.edges[row]].tolist())
@@ -172,7 +171,7 @@ def _ended(context: DebugContext, query: QueryRecord, builder: AnswerBuilder) ->
     if bad:
         builder.add_line(f"{count_text(bad, 'earlier query', 'earlier queries')} failed.")
     what = Link("What happened when?", AskAbout(QuestionName.TIME))
-    builder.add_next(_DECISIONS, _FAILURES._replace(label="What failed?") if bad else what)
+    builder.add_next(_DECISIONS, _FAILURES if bad else what)
     _add_view(context, query.attempts[-1] if query.attempts else None, query.end, builder)
 
 
@@ -182,8 +181,8 @@ def _add_view(context: DebugContext, attempt: AttemptRecord | None, at: Instant,
     frame: FrameId = frames.step(max(frames.count_at(at.stamp) - 1, 0)) if attempt is None else attempt.started.frame
     seen = context.observation(frame)
     if seen is None:
-        return
-    if attempt is None:
+        pass
+    elif attempt is None:
         builder.add_pictures(Picture(seen, "what the robot saw then", context.camera))
     else:
         builder.add_pictures(_view(context, seen, attempt.started.target, np.array(attempt.started.waypoint)))

@@ -61,7 +61,6 @@ class GroundTruthQuestion(Question[Never]):
     """Compares the map with the ground truth of the simulator."""
 
     name = QuestionName.TRUTH
-    word = QuestionName.TRUTH.word
     about = (
         "By true poses: edges that lead elsewhere; in simulation, those that cannot be driven or are missing, and "
         "whether p is right."
@@ -94,7 +93,9 @@ class GroundTruthQuestion(Question[Never]):
             return _show_waypoints(builder, context, selection)
         self._latest.about((context.name, context.scene))
         events = context.timeline.events[: context.timeline.count_until(context.instant)]
-        poses = _poses(context, events)
+        tried = [each.event for each in events if isinstance(each.event, AttemptEnded)]
+        frames = {*context.graph.nodes, *(each.frame for each in tried), *(each.target for each in tried)}
+        poses = {frame: pose for frame in frames if (pose := context.pose(frame)) is not None}
         near = context.method.building.connect_distance
         scene = context.scene
         world = context.timeline.progress_before(len(events)).world
@@ -120,7 +121,7 @@ def _is_simulated(scene: str) -> bool:
 
 def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Selection) -> QuestionAnswer:
     """Compare the waypoints of the edges with true poses; nothing is known of walls, so of ways that are missing."""
-    poses = _poses(context, ())
+    poses = {node: pose for node in context.graph.nodes if (pose := context.pose(node)) is not None}
     edges = [edge for edge in context.graph.driven_edges.values() if {edge.source, edge.target} <= poses.keys()]
     if not edges:
         builder.add_line("No edge of the map joins two images whose true poses are known.")
@@ -166,12 +167,6 @@ def _unknown(context: DebugContext) -> str | None:
     )
 
 
-def _poses(context: DebugContext, events: Sequence[StampedEvent]) -> dict[FrameId, Pose]:
-    frames = {stamped.event.frame for stamped in events if isinstance(stamped.event, AttemptEnded)}
-    frames |= {stamped.event.target for stamped in events if isinstance(stamped.event, AttemptEnded)}
-    return {frame: pose for frame in frames | set(context.graph.nodes) if (pose := context.pose(frame)) is not None}
-
-
 def _judged_map(
     scene: str,
     world: WorldState,
@@ -203,7 +198,15 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
         *(Strong(_share(verdicts.recall)), " of the neighbours have a short path (recall)."),
     )
     nodes = builder.add_selected_edge(selection)
-    _spurious(builder, judged)
+    edges = judged.graph.edges
+    worst = sorted(verdicts.spurious, key=lambda key: -edges[key].belief.p)[:_SPURIOUS]
+    if worst:
+        believed = [(edges[key].belief.p, edges[key].successes, edges[key].attempts) for key in worst]
+        rows = [
+            (edge_link(*key), f"{p:.2f}", f"{good}/{all_}")
+            for key, (p, good, all_) in zip(worst, believed, strict=True)
+        ]
+        builder.add_table(("cannot be driven", "p", "succeeded"), rows)
     _missing(builder, verdicts.missing)
     builder.add_line(
         "Is p right? Each dot is a tenth of the scale; on the line, p equals the share of edges that can be driven."
@@ -228,18 +231,6 @@ def calibration_sentence(point: AttemptCalibration) -> str:
         f"{point.succeeded:.0%} for successes{truly}. The mean squared difference of p and arrival, as {judge}, is "
         f"{point.brier:.3f}: 0 would be best, and p = 0.5 for every edge would give 0.250."
     )
-
-
-def _spurious(builder: AnswerBuilder, judged: JudgedMap) -> None:
-    edges = judged.graph.edges
-    worst = sorted(judged.verdicts.spurious, key=lambda key: -edges[key].belief.p)
-    if not worst:
-        return
-    rows = [
-        (edge_link(*key), f"{edges[key].belief.p:.2f}", f"{edges[key].successes}/{edges[key].attempts}")
-        for key in worst[:_SPURIOUS]
-    ]
-    builder.add_table(("cannot be driven", "p", "succeeded"), rows)
 
 
 def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:

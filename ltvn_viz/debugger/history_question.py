@@ -18,7 +18,7 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke
 from ltvn_viz.timeline.strip_marks import adjacent_mark
 
 _LAST = 3
@@ -43,14 +43,9 @@ class HistoryQuestion(Question[Never]):
     """Shows the history."""
 
     name = QuestionName.TIME
-    word = QuestionName.TIME.word
     about = (
         "All notable events, by kind. On the map, fading magenta edges were pruned and green nodes were added recently."
     )
-
-    def __init__(self) -> None:
-        """Start without a drawing."""
-        self._recent_changes = RecentChanges()
 
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether the run has any event."""
@@ -61,13 +56,13 @@ class HistoryQuestion(Question[Never]):
         builder = AnswerBuilder()
         if not context.timeline.marks:
             builder.add_line("There are no notable events yet: build a map, or let the robot navigate.")
-            return builder.build(self._recent_changes.at(context))
+            return builder.build(_recent_changes(context))
         builder.add_table(("", "so far", "of all", "", ""), [_row(context, kind) for kind in MARK_STYLES])
         builder.add_chart(_mark_lanes(context))
         past = reversed(context.timeline.marks_until(context.instant))
         for mark in islice((mark for mark in past if mark.kind is not MarkKind.QUERY_END), _LAST):
             builder.add_line(time_link(context.seconds(mark.instant)), f" {mark.text}")
-        return builder.build(self._recent_changes.at(context))
+        return builder.build(_recent_changes(context))
 
 
 def _row(context: DebugContext, kind: MarkKind) -> tuple[Inline | list[Inline], ...]:
@@ -103,28 +98,11 @@ def _mark_lanes(context: DebugContext) -> LaneChart:
     return LaneChart(lanes, Axis("time, s", 0.0, until - start_s), now=context.moment.stamp - start_s)
 
 
-class RecentChanges:
-    """Caches the last drawing."""
-
-    def __init__(self) -> None:
-        """Start without a drawing."""
-        self._key: object = None
-        self._drawn = EMPTY_OVERLAY
-
-    def at(self, context: DebugContext) -> Overlay:
-        """Return the drawing of recent changes up to the moment."""
-        pruned = [
-            mark
-            for mark in context.timeline.marks_until(context.instant, MarkKind.PRUNE)[-_GHOSTS:]
-            if _gone(context, mark)
-        ]
-        young = _young(context)
-        key = context.name, context.start_s, tuple(mark.event for mark in pruned), young
-        if key != self._key:
-            strokes = _ghosts(context, pruned)
-            self._key = key
-            self._drawn = Overlay(strokes=strokes, nodes=dict.fromkeys(young, palette.EDGE_ADDED))
-        return self._drawn
+def _recent_changes(context: DebugContext) -> Overlay:
+    """Draw the recent changes up to the moment."""
+    pruned = context.timeline.marks_until(context.instant, MarkKind.PRUNE)[-_GHOSTS:]
+    strokes = _ghosts(context, [mark for mark in pruned if _gone(context, mark)])
+    return Overlay(strokes=strokes, nodes=dict.fromkeys(_young(context), palette.EDGE_ADDED))
 
 
 def _gone(context: DebugContext, mark: Mark) -> bool:

@@ -51,8 +51,20 @@ class DebugContextBuilder:
 
     def build(self, state: AppState, moment: RunMoment) -> DebugContext:
         """Return the context of questions when the page shows `moment`."""
-        if isinstance(state.activity, Playback):
-            return self._of_replay(state, state.activity, moment)
+        if isinstance(activity := state.activity, Playback):
+            robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
+            return replay_context(
+                activity,
+                moment,
+                lambda: activity.method or robots,
+                known_events=self._count(activity.timeline),
+                live=state.live.timeline,
+                in_background=self._in_background,
+                library=state.library,
+                rerun=state.rerun,
+                offer_file=state.saved_files.offer,
+                floor_plan=None if state.alignment is None else state.alignment.view.plan,
+            )
         run = state.live.timeline
         live_map = state.live_map
         presence = live_map.system.presence
@@ -76,21 +88,6 @@ class DebugContextBuilder:
             library=state.library,
             rerun=state.rerun,
             offer_file=state.saved_files.offer,
-        )
-
-    def _of_replay(self, state: AppState, replay: Playback, moment: RunMoment) -> DebugContext:
-        robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
-        return replay_context(
-            replay,
-            moment,
-            lambda: replay.method or robots,
-            known_events=self._count(replay.timeline),
-            live=state.live.timeline,
-            in_background=self._in_background,
-            library=state.library,
-            rerun=state.rerun,
-            offer_file=state.saved_files.offer,
-            floor_plan=None if state.alignment is None else state.alignment.view.plan,
         )
 
     def count_now(self) -> None:
@@ -196,7 +193,10 @@ class Inspector:
         """Refresh the answer if anything changed that it may show."""
         question = self._questions.get(self.shown.question)
         self._context = context = self.context(state, moment)
-        self._offer(context)
+        questions = self._questions.values()
+        offered = tuple(each.name for each in questions if each.is_offered(context) or each is question)
+        if offered != self.shown.offered:
+            self.shown = replace(self.shown, offered=offered)
         run = context.name, context.timeline, context.known_events
         key = self.shown.question, self.shown.selection, run, context.step
         if question is None or key == self._key:
@@ -209,14 +209,9 @@ class Inspector:
         if answer != self.shown.answer:
             markup = answer_html(answer.answer)
             self.shown = replace(self.shown, answer=answer, markup=markup, serial=self.shown.serial + 1)
-            self._remember()
-
-    def _offer(self, context: DebugContext) -> None:
-        """Offer the questions that can be answered in this run, and always the current one."""
-        questions = self._questions.values()
-        names = [each.name for each in questions if each.is_offered(context) or each.name == self.shown.question]
-        if (offered := tuple(names)) != self.shown.offered:
-            self.shown = replace(self.shown, offered=offered)
+            self._drawn[self.shown.serial] = self.shown.answer.links
+            if len(self._drawn) > _REMEMBERED:
+                self._drawn.popitem(last=False)
 
     def mark_stale(self) -> None:
         """Let the question refresh its answer although no event happened, because there is new information."""
@@ -231,8 +226,3 @@ class Inspector:
         serial, place = divmod(number, LINKS_PER_VIEW)
         links = self._drawn.get(serial, ())
         return links[place] if place < len(links) else None
-
-    def _remember(self) -> None:
-        self._drawn[self.shown.serial] = self.shown.answer.links
-        if len(self._drawn) > _REMEMBERED:
-            self._drawn.popitem(last=False)

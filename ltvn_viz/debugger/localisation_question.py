@@ -3,8 +3,9 @@
 The images of the nodes come from the live map, or from a recording, where they are read and encoded step by step.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -31,9 +32,9 @@ from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, has_map, request_link, time_link
 from ltvn_viz.session.backend import NO_PREDICTOR
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke
 from ltvn_viz.wishes.commands import PointAt, QuestionRequest
 
 _COLOURED = 1000
@@ -66,7 +67,7 @@ class LocalisationQuestion(Question[FindAliases]):
     """Compares the current image with the whole map."""
 
     name = QuestionName.WHERE
-    word = QuestionName.WHERE.word
+    is_offered = has_map
     about = (
         "Colour shows how near each node looks: yellow is near, violet is far. The chart shows how sure the robot "
         "was over time."
@@ -77,10 +78,6 @@ class LocalisationQuestion(Question[FindAliases]):
         self._node_images = NodeImageLoader()
         self._heat = LatestAnswer()
         self._asked: tuple[object, ...] | None = None
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the run ever had a map."""
-        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Colour the nodes and list the best ones."""
@@ -99,8 +96,7 @@ class LocalisationQuestion(Question[FindAliases]):
         self._past_margins(context, builder)
         strokes = self._perceptual_aliases(context, builder)
         nodes = shown.colours if shown is not None else {}
-        drawn = Overlay(strokes, nodes, is_of_likeness=bool(nodes))
-        return builder.build(drawn if nodes or strokes else EMPTY_OVERLAY)
+        return builder.build(Overlay(strokes, nodes, is_of_likeness=bool(nodes)))
 
     def handle_request(self, context: DebugContext, request: FindAliases) -> None:
         """Search for places that look alike."""
@@ -114,7 +110,7 @@ class LocalisationQuestion(Question[FindAliases]):
         if not nodes or seen is None:
             builder.add_line("The map is empty." if not nodes else "There is no image at this moment.")
             return None
-        image = context.view.of(seen)
+        image = context.as_compared(seen)
         if image is None:
             builder.add_line("The image of this moment has no depth, so it is compared with no node.")
             return None
@@ -125,7 +121,7 @@ class LocalisationQuestion(Question[FindAliases]):
             return None
         question = "where", context.name, frame, len(nodes), context.predictor.fingerprint
         found = self._heat(
-            context.in_background, question, _heat(image, nodes, keyframes, context.predictor, context.method)
+            context.in_background, question, partial(_heat, image, nodes, keyframes, context.predictor, context.method)
         )
         if found is None:
             builder.add_pending("Comparing")
@@ -178,7 +174,7 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_line("The search for perceptual aliases begins when all images are read.")
             return ()
         found = context.in_background(
-            self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
+            self._asked, partial(_alias_search, context.graph, keyframes, context.predictor, context.method)
         )
         if found is None:
             builder.add_pending("Searching for places that look alike, which takes a while")
@@ -197,17 +193,14 @@ def _change_count(context: DebugContext) -> int:
 
 def _heat(
     seen: Observation, nodes: tuple[NodeId, ...], keyframes: KeyframeStore, predictor: Predictor, method: Method
-) -> Callable[[], ColouredHeat | str]:
-    def compare() -> ColouredHeat | str:
-        """Compare the image; runs in the worker's thread, which owns the images."""
-        known = [node for node in nodes if node in keyframes]
-        if not known:
-            return "There are no images of the nodes to compare with."
-        matcher = Matcher(predictor, keyframes, method.matching)
-        found = localisation_heat_map(features_of(seen, matcher, predictor), known, matcher, method.localising)
-        return ColouredHeat(found, _colours(found, method.localising.distance))
-
-    return compare
+) -> ColouredHeat | str:
+    """Compare the image; runs in the worker's thread, which owns the images."""
+    known = [node for node in nodes if node in keyframes]
+    if not known:
+        return "There are no images of the nodes to compare with."
+    matcher = Matcher(predictor, keyframes, method.matching)
+    found = localisation_heat_map(features_of(seen, matcher, predictor), known, matcher, method.localising)
+    return ColouredHeat(found, _colours(found, method.localising.distance))
 
 
 def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
@@ -239,17 +232,14 @@ def _say(found: LocalisationHeatMap, count: int, most: int, builder: AnswerBuild
 
 def _alias_search(
     graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, method: Method
-) -> Callable[[], tuple[PerceptualAlias, ...] | str]:
-    def search() -> tuple[PerceptualAlias, ...] | str:
-        """Search for look-alike places; runs in the worker's thread, which owns the images."""
-        try:
-            return find_perceptual_aliases(
-                graph, Matcher(predictor, keyframes, method.matching), method, candidates=_CANDIDATES
-            )
-        except LtvnError as error:
-            return str(error)
-
-    return search
+) -> tuple[PerceptualAlias, ...] | str:
+    """Search for look-alike places; runs in the worker's thread, which owns the images."""
+    try:
+        return find_perceptual_aliases(
+            graph, Matcher(predictor, keyframes, method.matching), method, candidates=_CANDIDATES
+        )
+    except LtvnError as error:
+        return str(error)
 
 
 def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
@@ -285,21 +275,17 @@ class NodeImageLoader:
             self._read = set()
             self._reading = None
         missing = [node for node in list(context.graph.nodes)[:MAX_NODES] if node not in self._read]
-        if missing and self._is_free(context):
+        if missing and (self._reading is None or context.in_background(self._reading, lambda: True) is not None):
             self._read_on(context, self._keyframes, missing[:_AT_ONCE])
         return self._keyframes, len(missing)
-
-    def _is_free(self, context: DebugContext) -> bool:
-        return self._reading is None or context.in_background(self._reading, lambda: True) is not None
 
     def _read_on(self, context: DebugContext, keyframes: KeyframeStore, nodes: Sequence[NodeId]) -> None:
         self._read.update(nodes)
         seen = [picture for picture in map(context.observation, nodes) if picture is not None]
         self._reading = ("sights", *self._run, len(self._read))
-        view = context.view
 
         def add() -> bool:
-            keyframes.add([image for image in map(view.of, seen) if image is not None])
+            keyframes.add([image for image in map(context.as_compared, seen) if image is not None])
             return True
 
         context.in_background(self._reading, add)

@@ -15,7 +15,7 @@ from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.event_text import describe_delta
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, is_live, request_link, time_link
 from ltvn_viz.session.inspection import (
     NOTHING_SELECTED,
     Overlay,
@@ -51,7 +51,7 @@ class ManualEditQuestion(Question[ConnectByAction]):
     """Changes the live map; each change can be undone."""
 
     name = QuestionName.HAND
-    word = QuestionName.HAND.word
+    is_offered = is_live
     verb = "Change the map"
     about = "Remove, protect or restore edges of the live map while you drive. Click a node, then its neighbour."
 
@@ -60,10 +60,6 @@ class ManualEditQuestion(Question[ConnectByAction]):
         self._selection = NOTHING_SELECTED
         self._connecting: ConnectByAction | None = None
         self._done: tuple[tuple[Timeline, int] | None, tuple[ManualEdit, ...]] = (None, ())
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the live map is on show."""
-        return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer the edits of the selection, and the undo of earlier ones."""

@@ -1,6 +1,6 @@
 """Mapping advice: the gaps in the map so far, and the place to drive to next."""
 
-from collections.abc import Callable
+from functools import partial
 from typing import Never
 
 import numpy as np
@@ -16,8 +16,8 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.question import AnswerBuilder, Question, is_live
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.wishes.commands import Action, Ask, PointAt
 
@@ -29,16 +29,12 @@ class NextDriveQuestion(Question[Never]):
     """Advises the driver during mapping."""
 
     name = QuestionName.COACH
-    word = QuestionName.COACH.word
+    is_offered = is_live
     about = "While you drive: what the map still lacks, and where to go next. The ghost robot marks the place."
 
     def __init__(self) -> None:
         """Start without advice."""
         self._advice = LatestAnswer()
-
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether a person can drive."""
-        return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the latest advice, which is updated once a second at most."""
@@ -56,7 +52,7 @@ class NextDriveQuestion(Question[Never]):
         found = self._advice(
             context.in_background,
             question,
-            _advise(context.live_map, context.graph, seen, context.predictor, context.method),
+            partial(_advise, context.live_map, context.graph, seen, context.predictor, context.method),
         )
         if found is None:
             builder.add_pending("Checking your drive")
@@ -67,18 +63,15 @@ class NextDriveQuestion(Question[Never]):
 
 def _advise(
     live_map: LiveMap, graph: TopologicalGraph, seen: Observation, predictor: Predictor, method: Method
-) -> Callable[[], MappingAdvice]:
-    def look_over() -> MappingAdvice:
-        """Compute the advice; runs in the worker's thread, which owns the images."""
-        drive = {each.step: each.odometry for each in live_map.observations() if each.step <= seen.step}
-        drive[seen.step] = seen.odometry
-        steps = sorted(drive)
-        matcher = Matcher(predictor, live_map.keyframes, method.matching)
-        nodes = [node for node in graph.nodes if node in live_map.keyframes]
-        current = matcher.match(features_of(seen, matcher, predictor), nodes) if nodes else None
-        return advise_mapping(graph, steps, np.array([drive[step] for step in steps]), current)
-
-    return look_over
+) -> MappingAdvice:
+    """Compute the advice; runs in the worker's thread, which owns the images."""
+    drive = {each.step: each.odometry for each in live_map.observations() if each.step <= seen.step}
+    drive[seen.step] = seen.odometry
+    steps = sorted(drive)
+    matcher = Matcher(predictor, live_map.keyframes, method.matching)
+    nodes = [node for node in graph.nodes if node in live_map.keyframes]
+    current = matcher.match(features_of(seen, matcher, predictor), nodes) if nodes else None
+    return advise_mapping(graph, steps, np.array([drive[step] for step in steps]), current)
 
 
 def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
@@ -109,5 +102,4 @@ def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) ->
         here = seen.odometry if seen.exact_pose is None else seen.exact_pose
         target = compose(here, relative(seen.odometry, np.array(advice.target)))
         ghosts = ((float(target[0]), float(target[1]), float(target[2])),)
-    drawn = Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)
-    return drawn if strokes or apart or ghosts else EMPTY_OVERLAY
+    return Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)

@@ -76,6 +76,21 @@ def edge_link(source: NodeId, target: NodeId) -> Link:
     return Link(f"{source} → {target}", PointAt(source, target))
 
 
+def has_map(self: object, context: DebugContext) -> bool:
+    """Tell whether the run ever had a map."""
+    return len(context.timeline.changes) > 0
+
+
+def has_query(self: object, context: DebugContext) -> bool:
+    """Tell whether the run has any query."""
+    return context.timeline.progress_before(len(context.timeline.events)).queries > 0
+
+
+def is_live(self: object, context: DebugContext) -> bool:
+    """Tell whether the live run is on show."""
+    return context.is_live
+
+
 RequestT = TypeVar("RequestT", bound=QuestionRequest)
 
 
@@ -99,6 +114,11 @@ class Question(ABC, Generic[RequestT]):
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether the question can be answered in this run at all; called often, so it must be fast."""
         return True
+
+    def __init_subclass__(cls) -> None:
+        """Take the words of one of our own questions from its name."""
+        if isinstance(name := cls.__dict__.get("name"), QuestionName):
+            cls.word, cls.earlier_words = name.word, name.earlier_words
 
     @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:

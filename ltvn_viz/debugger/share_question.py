@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from shlex import quote
-from typing import Any, NamedTuple, assert_never
+from typing import Any, assert_never
 
 from ltvn_core.analysis.answer import Address, Code, Copyable, Download, Inline, joined
 from ltvn_core.errors import LtvnError, OptionError
@@ -12,7 +12,6 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.exports import save_excerpt, save_map
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.saved_files import SavedFile
 from ltvn_viz.session.share_links import link
 from ltvn_viz.wishes.commands import QuestionRequest
 
@@ -35,24 +34,15 @@ class ShareRequest(QuestionRequest):
     action: ShareAction
 
 
-class _ShareJob(NamedTuple):
-    """A slow export that a person requested."""
-
-    words: str
-    question: tuple[Any, ...]
-    compute: Callable[[], Any]
-
-
 class ShareQuestion(Question[ShareRequest]):
     """Offers the current view for sharing."""
 
     name = QuestionName.SHARE
-    word = QuestionName.SHARE.word
     about = "Share what you see: as a link, a short recording of this moment, or the map as a page."
 
     def __init__(self) -> None:
         """Start without a request."""
-        self._job: _ShareJob | None = None
+        self._job: tuple[ShareAction, Callable[[], Any]] | None = None
         self._count = 0
 
     def is_offered(self, context: DebugContext) -> bool:
@@ -81,11 +71,7 @@ class ShareQuestion(Question[ShareRequest]):
         if context.is_live:
             raise OptionError("Open a recording under “Replay” first.")
         self._count += 1  # A repeated request is a new export with another name.
-        self._job = _ShareJob(
-            words=str(request.action),
-            question=("share", self._count, request.action),
-            compute=_computation(context, request.action),
-        )
+        self._job = request.action, _computation(context, request.action)
 
     def _link(self, builder: AnswerBuilder, context: DebugContext, selection: Selection) -> None:
         seconds = max(0.0, context.moment.stamp - context.start_s)
@@ -102,25 +88,26 @@ class ShareQuestion(Question[ShareRequest]):
     def _answer(self, builder: AnswerBuilder, context: DebugContext) -> None:
         if self._job is None:
             return
+        words, compute = self._job
         try:
-            found = context.in_background(self._job.question, self._job.compute)
+            found = context.in_background(("share", self._count), compute)
         except LtvnError as error:
-            builder.add_line(f"Could not {self._job.words}: {error}")
+            builder.add_line(f"Could not {words}: {error}")
             return
         if found is None:
-            builder.add_pending(self._job.words.capitalize())
+            builder.add_pending(words.capitalize())
         elif isinstance(found, str):
             builder.add_line(Address("Rerun is open here", found, in_new_tab=True), "; it closes with this app.")
         else:
-            builder.add_line("Written: ", joined(map(_download, found), " and "), ". Click one to download it.")
+            builder.add_line(
+                "Written: ",
+                joined((Download(each.title, each.path.name, each.address) for each in found), " and "),
+                ". Click one to download it.",
+            )
 
 
 def _action_link(action: ShareAction) -> Inline:
     return request_link(str(action), ShareRequest(action))
-
-
-def _download(saved: SavedFile) -> Inline:
-    return Download(saved.title, saved.path.name, saved.address)
 
 
 def _computation(context: DebugContext, action: ShareAction) -> Callable[[], Any]:

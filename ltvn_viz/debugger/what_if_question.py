@@ -29,8 +29,8 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_map, request_link, time_link
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
@@ -52,15 +52,11 @@ class ImagineChange(QuestionRequest):
 class ForgetChange(QuestionRequest):
     """Remove a change from the scenario."""
 
-    change: WhatIfChange
+    change: WhatIfChange | None
+    """None for all changes."""
 
 
-@dataclass(frozen=True, slots=True)
-class ForgetAllChanges(QuestionRequest):
-    """Remove all changes from the scenario."""
-
-
-WhatIfRequest: TypeAlias = ImagineChange | ForgetChange | ForgetAllChanges
+WhatIfRequest: TypeAlias = ImagineChange | ForgetChange
 
 
 def _plan_both_ways(moment: Moment, changes: tuple[WhatIfChange, ...], rules: Rules) -> PlanDifference | str:
@@ -79,7 +75,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     """Shows the effects of imagined changes, without making them."""
 
     name = QuestionName.WHAT_IF
-    word = QuestionName.WHAT_IF.word
+    is_offered = has_map
     verb = "Imagine"
     about = "Plan again with another edge, belief, goal, threshold or time. Map and run do not change."
 
@@ -88,17 +84,16 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         self._changes: dict[Hashable, WhatIfChange] = {}
         self._told = 0
 
-    def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the run ever had a map."""
-        return len(context.timeline.changes) > 0
-
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the scenario and its effects."""
         builder = AnswerBuilder()
         self._offers(context, selection, builder)
         if context.graph.presence:
             _offer_times(context, builder)
-        self._imagined(builder)
+        for each in self._changes.values():
+            builder.add_line(Strong(format_what_if_change(each)), " · ", request_link("forget", ForgetChange(each)))
+        if len(self._changes) > 1:
+            builder.add_line(request_link("forget all", ForgetChange(None)))
         overlay = EMPTY_OVERLAY
         if self._changes:
             overlay = self._compared(context, builder)
@@ -115,20 +110,18 @@ class WhatIfQuestion(Question[WhatIfRequest]):
                 self._changes.pop(_about(change), None)
                 self._changes[_about(change)] = change
             case ForgetChange(change):
-                self._forget(change)
-            case ForgetAllChanges():
-                self._changes = {}
+                if change is None:
+                    self._changes = {}
+                elif self._changes.get(_about(change)) != change:
+                    imagined = ", ".join(map(format_what_if_change, self._all)) or "nothing"
+                    raise OptionError(
+                        f"{format_what_if_change(change)!r} is not one of the changes; the changes are {imagined}."
+                    )
+                else:
+                    del self._changes[_about(change)]
             case _:
                 assert_never(request)
         self._told += 1
-
-    def _forget(self, change: WhatIfChange) -> None:
-        if self._changes.get(_about(change)) != change:
-            imagined = ", ".join(map(format_what_if_change, self._all)) or "nothing"
-            raise OptionError(
-                f"{format_what_if_change(change)!r} is not one of the changes; the changes are {imagined}."
-            )
-        del self._changes[_about(change)]
 
     @staticmethod
     def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
@@ -148,13 +141,6 @@ class WhatIfQuestion(Question[WhatIfRequest]):
                     f'Write a change, for instance --text "without {source}->{target}", or point at --edge FROM TO.',
                 )
             )
-
-    def _imagined(self, builder: AnswerBuilder) -> None:
-        for each in self._changes.values():
-            forget = request_link("forget", ForgetChange(each))
-            builder.add_line(Strong(format_what_if_change(each)), " · ", forget)
-        if len(self._changes) > 1:
-            builder.add_line(request_link("forget all", ForgetAllChanges()))
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
         moment = moment_at(context.timeline, context.instant, context.graph)
@@ -179,7 +165,12 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         if context.rules_note:
             builder.add_line(context.rules_note)
         _say(plans, changes, builder)
-        return Overlay(strokes) if (strokes := _strokes(context, plans)) else EMPTY_OVERLAY
+        return Overlay(
+            (
+                *context.strokes(pairwise(plans.old.path.nodes), palette.PLAN),
+                *context.strokes(plans.added_edges, palette.EDGE_ADDED),
+            )
+        )
 
     @property
     def _all(self) -> tuple[WhatIfChange, ...]:
@@ -191,7 +182,7 @@ def _typed_request(text: str) -> WhatIfRequest:
     if not words.startswith(_FORGET):
         return ImagineChange(parse_what_if_change(words))
     named = words.removeprefix(_FORGET)
-    return ForgetAllChanges() if named == _ALL else ForgetChange(parse_what_if_change(named))
+    return ForgetChange(None if named == _ALL else parse_what_if_change(named))
 
 
 def _about(change: WhatIfChange) -> Hashable:
@@ -261,13 +252,6 @@ def _say(plans: PlanDifference, changes: Sequence[WhatIfChange], builder: Answer
 def _row(plan: str, priced: EdgeCostParts) -> tuple[Inline, ...]:
     numbers = (f"{each:.2f}" for each in (priced.mu, priced.doubt, priced.penalty, priced.open_p))
     return plan, edge_link(*priced.edge), *numbers
-
-
-def _strokes(context: DebugContext, plans: PlanDifference) -> tuple[Stroke, ...]:
-    return (
-        *context.strokes(pairwise(plans.old.path.nodes), palette.PLAN),
-        *context.strokes(plans.added_edges, palette.EDGE_ADDED),
-    )
 
 
 def _add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:

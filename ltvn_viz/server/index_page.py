@@ -158,7 +158,15 @@ def _with_our_parts(index: str) -> str:
 def _script() -> str:
     parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in SCRIPTS)
     tables = {
-        "KEYMAP": _keymap(),
+        "KEYMAP": {
+            "directions": direction_codes(),
+            "actions": action_codes(),
+            "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is Audience.EVERYBODY),
+            "labels": {action: wish.label or wish.help for action, wish in WISHES.items()},
+            "allDirections": list(Direction),
+            "help": help_rows(),
+            "caps": us_caps(),
+        },
         "LINK_WORDS": LINK_PARAMETERS,
         "COLOURS": _COLOURS,
         "RAMP": palette.PROBABILITY_RAMP.tolist(),
@@ -172,15 +180,3 @@ def _script() -> str:
         "<", "\\u003c"
     )
     return f'(() => {{\n"use strict";\n{constants}\n{parts}\n}})();'
-
-
-def _keymap() -> dict[str, object]:
-    return {
-        "directions": direction_codes(),
-        "actions": action_codes(),
-        "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is Audience.EVERYBODY),
-        "labels": {action: wish.label or wish.help for action, wish in WISHES.items()},
-        "allDirections": list(Direction),
-        "help": help_rows(),
-        "caps": us_caps(),
-    }

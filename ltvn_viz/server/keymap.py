@@ -53,7 +53,7 @@ KEY_LABELS = {
 
 def key_label(action: Action) -> str:
     """Return the label of an action's keys; empty if it has none."""
-    return _caps(WISHES[action].keys)
+    return " or ".join(map(us_cap, WISHES[action].keys))
 
 
 def help_rows() -> tuple[tuple[tuple[str, ...], str], ...]:
@@ -81,8 +81,3 @@ def direction_codes() -> dict[str, str]:
 def action_codes() -> dict[str, str]:
     """Return the script's table of pressed keys: code -> action."""
     return {code: action.value for action, wish in WISHES.items() for code in wish.keys}
-
-
-def _caps(codes: tuple[str, ...]) -> str:
-    """Return the label of several keys, for instance `W or ↑`."""
-    return " or ".join(map(us_cap, codes))

@@ -37,9 +37,9 @@ class Label:
     text: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Overlay:
-    """Everything that one tool draws; the same object as long as nothing changed."""
+    """Everything that one tool draws."""
 
     strokes: tuple[Stroke, ...] = ()
     nodes: dict[NodeId, Rgb8] = field(default_factory=dict)

@@ -13,7 +13,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any, ParamSpec, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 
 from ltvn_core.errors import LtvnError, OptionError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -22,6 +22,9 @@ from ltvn_core.types import FrameId, Observation
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import RecordingStatus
 from ltvn_viz.session.worker import Worker
+
+if TYPE_CHECKING:
+    from ltvn_core.data.recording.writer import RecordingWriter
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -38,43 +41,6 @@ WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]
 """A complete map, which no longer changes, with its images."""
 
 
-class RecordingSink(Protocol):
-    """Writes one recording; used by one thread at a time."""
-
-    @property
-    def failure(self) -> str | None:
-        """Reason why writing has stopped; None while it continues."""
-        ...
-
-    def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
-        """Write a whole map and its images at the beginning."""
-        ...
-
-    def draw_scene(self, glb: bytes) -> None:
-        """Draw the scene, a binary glTF; may run while another thread writes."""
-        ...
-
-    def write_frame(self, observation: Observation) -> None:
-        """Append an image."""
-        ...
-
-    def write_event(self, stamped: StampedEvent) -> None:
-        """Append an event."""
-        ...
-
-    def write_question(self, word: str) -> None:
-        """Count a question that a person asked."""
-        ...
-
-    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
-        """Draw the map."""
-        ...
-
-    def close(self) -> None:
-        """Finish the file."""
-        ...
-
-
 @dataclass(eq=False)
 class _RecordingUnderWay:
     """One recording, from its request to its finished file."""
@@ -82,7 +48,7 @@ class _RecordingUnderWay:
     began_s: float
     path: Path | None = None
     """Path of the file; None until it exists."""
-    writer: RecordingSink | None = None
+    writer: "RecordingWriter | None" = None
     has_map: bool = False
     """Whether the map was copied; later changes go into the recording as events."""
     ready: bool = False
@@ -90,7 +56,7 @@ class _RecordingUnderWay:
     finished: Callable[[Path], None] | None = None
     """Called with the file at the end; None until the end is requested."""
     closing: bool = False
-    waiting: list[Callable[[RecordingSink], None]] = field(default_factory=list)
+    waiting: "list[Callable[[RecordingWriter], None]]" = field(default_factory=list)
     frames: int = 0
     first_s: float = 0.0
     last_s: float = 0.0
@@ -102,7 +68,7 @@ class Recorder:
     def __init__(
         self,
         library: RecordingLibrary,
-        open_writer: Callable[[Path], RecordingSink],
+        open_writer: Callable[[Path], "RecordingWriter"],
         clock: Callable[[], datetime] = datetime.now,
         *,
         take_map: Callable[[], WholeMap] = lambda: (TopologicalGraph(), ()),
@@ -239,14 +205,14 @@ class Recorder:
             raise OptionError("Nothing is being recorded; press R to start.")
         return self._current
 
-    def _try_open(self) -> tuple[Path, RecordingSink] | Exception:
+    def _try_open(self) -> "tuple[Path, RecordingWriter] | Exception":
         try:
             path = self._library.new_path(self._clock())
             return path, self._open(path)
         except (OSError, LtvnError) as error:
             return error
 
-    def _opened(self, current: _RecordingUnderWay, opened: tuple[Path, RecordingSink] | Exception) -> None:
+    def _opened(self, current: _RecordingUnderWay, opened: "tuple[Path, RecordingWriter] | Exception") -> None:
         if isinstance(opened, Exception):
             if current is self._current:
                 self._current = None
@@ -272,7 +238,7 @@ class Recorder:
             current.closing = True
             self._close(current, lambda outcome: self._closed(current, outcome))
 
-    def _draw_scene(self, writer: RecordingSink) -> None:
+    def _draw_scene(self, writer: "RecordingWriter") -> None:
         if (glb := self._scene_glb()) is not None:
             writer.draw_scene(glb)
 
@@ -284,7 +250,7 @@ class Recorder:
         for write in waiting:
             self._write(current, write)
 
-    def _write(self, current: _RecordingUnderWay, write: Callable[[RecordingSink], None]) -> None:
+    def _write(self, current: _RecordingUnderWay, write: Callable[["RecordingWriter"], None]) -> None:
         if current is not self._current or current.closing:
             return
         if current.writer is None or not current.ready:

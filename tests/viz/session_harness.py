@@ -33,7 +33,7 @@ from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals, ThumbnailStore
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
-from ltvn_viz.session.recorder import Recorder, RecordingSink
+from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
@@ -164,7 +164,7 @@ class SessionHarness:
         mapped: bool = True,
         executor: Executor | None = None,
         recording_executor: Executor | None = None,
-        open_writer: Callable[[Path], RecordingSink] | None = None,
+        open_writer: Callable[[Path], Any] | None = None,
         fine_tuning: FineTuning | None = None,
         own_robot: Robot | None = None,
         predictor: Predictor | None = None,

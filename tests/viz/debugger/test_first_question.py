@@ -1,5 +1,7 @@
 """The first answer: what went wrong at the moment, and the next two questions with their arguments."""
 
+from pathlib import Path
+
 import pytest
 
 from ltvn_core.analysis.answer import Paragraph, Pictures
@@ -16,7 +18,7 @@ BUTTONS = 2
 
 @pytest.mark.parametrize("path", [DEMO_FAULT, DEMO_DRIVE, DEMO_MAP])
 @pytest.mark.parametrize("share", [0.3, 1.0])
-def test_it_has_three_sentences_one_picture_and_two_questions_that_are_answered(path, share: float) -> None:
+def test_it_has_three_sentences_one_picture_and_two_questions_that_are_answered(path: Path, share: float) -> None:
     case = FileCase(path)
     answer = ask_file(case, FileAsk(question="wrong", at_s=share * case.replay.length_s)).answer
     *told, _ = [block for block in answer.blocks if isinstance(block, Paragraph)]

@@ -71,13 +71,12 @@ class FirstQuestion(Question[Never]):
         later = sorted(context.timeline.queries, key=lambda each: each.succeeded is not False)
         if later:
             does = "fails" if later[0].succeeded is False else "begins"
-            builder.add_line(f"Query {later[0].id} to node {later[0].goal} {does} later.")
+            builder.add_line(f"Later query {later[0].id} to node {later[0].goal} {does}.")
             builder.add_next(_at_its_end(context, later[0]), _FAILURES)
         elif context.is_live:
-            row = int(np.argmin(graph.p)) if len(graph.p) else None
-            edge = None if row is None else tuple(graph.ids[graph.edges[row]].tolist())
-            if row is not None and edge is not None:
-                builder.add_line(f"It believes least in edge {edge[0]} → {edge[1]}, p {graph.p[row]:.2f}.")
+            edge = tuple(graph.ids[graph.edges[np.argmin(graph.p)]].tolist()) if len(graph.p) else None
+            if edge is not None:
+                builder.add_line(f"It believes least in edge {edge[0]} → {edge[1]}, p {graph.p.min():.2f}.")
             drive = Link("Where to drive next?", AskAbout(QuestionName.COACH))
             builder.add_next(drive, _WHERE if edge is None else _about_edge(edge))
         elif len(graph.edges):
@@ -210,5 +209,5 @@ def _without(edge: EdgeKey, at_s: float | None = None) -> Link:
 
 def _at_its_end(context: DebugContext, query: QueryRecord) -> Link:
     end_s = None if query.end is None else context.seconds(query.end)
-    asked = "What went wrong in" if query.succeeded is False else "How ended"
-    return Link(f"{asked} query {query.id}?", AskAbout(QuestionName.FIRST, at_s=end_s))
+    label = "What will go wrong?" if query.succeeded is False else "How will it end?"
+    return Link(label, AskAbout(QuestionName.FIRST, at_s=end_s))

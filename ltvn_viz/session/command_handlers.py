@@ -216,9 +216,9 @@ def _step(state: AppState) -> None:
 
 def _choose_question(state: AppState, name: str) -> None:
     """Show a question and count it in the recording; an unknown name asks nothing."""
-    word = next((word for word, known in state.debugger.words.items() if known == name), None)
-    state.debugger.choose(QuestionName.FIRST if word is None else name)
-    if word is not None:
+    word, known = next((each for each in state.debugger.words.items() if each[1] == name), ("", QuestionName.FIRST))
+    state.debugger.choose(known)
+    if word:
         state.live.recorder.write_question(word)
 
 

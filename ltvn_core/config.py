@@ -220,8 +220,6 @@ class RecoveryConfig:
     """Angle in radians of the turn on the spot between two observations (paper: it turns; the value is ours)."""
     looks_per_turn: int = 12
     """Number of observations in a full turn (ours)."""
-    wander_m: float = 0.3
-    """Distance in metres to drive ahead after a full turn without success; 0 = never (ours)."""
     give_up_after_looks: int = 48
     """Number of consecutive observations without a node or a path that ends a query (ours)."""
     step_limit: int = 2000
@@ -294,7 +292,6 @@ PAPER = Method(
         failures_per_success=0,
     ),
     expanding=ExpansionConfig(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
-    recovering=RecoveryConfig(wander_m=0.0),
 )
 """The literal method, without any departure."""
 

@@ -1,4 +1,4 @@
-"""Recovery of a robot that is lost or has no path: it looks around, moves on a little, and finally gives up.
+"""Recovery of a robot that is lost or has no path: it turns round, looks, and finally gives up.
 
 Owns the order of these steps and when an unrecognised image is offered to the map.
 """
@@ -12,25 +12,21 @@ from ltvn_core.navigation.query import Query
 
 
 def recover(query: Query, why: Outcome) -> EventGenerator[None]:
-    """Turn on the spot to look again; after a full turn, also move on a little; finally give up.
+    """Turn on the spot to look again; finally give up.
 
     Raises:
         QueryAborted: If the robot has looked around often enough.
     """
     config = query.method.recovering
     memory = query.memory
-    usable = query.perception.is_usable
     memory.record_localisation_failure(why)
-    if why is Outcome.LOST and usable:
+    if why is Outcome.LOST and query.perception.is_usable:
         yield from _remember_novel(query)
     if memory.consecutive_failures >= config.give_up_after_looks:
         raise QueryAborted(memory.give_up_outcome)
-    around = memory.consecutive_failures % config.looks_per_turn == 0
-    if around:
+    if memory.consecutive_failures % config.looks_per_turn == 0:
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
         query.begin_anew()
-    if config.wander_m and around and usable:
-        yield from query.driver.wander(config.wander_m)
     yield from turn(query)
 
 

@@ -18,7 +18,7 @@ from ltvn_core.config import ROBUST
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import best_localisation, doubt, near_enough
+from ltvn_core.graph.localiser import best_localisation, near_enough
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.place_belief import PlaceBelief
@@ -110,8 +110,7 @@ def _recall(predictor: NetworkPredictor, matcher: Matcher, looks: Sequence[Obser
     for look in looks:
         features = predictor.encode([look])
         full = in_full.match(features, nodes)
-        scores = full.distances + ROBUST.localising.reachability_weight * doubt(full.reachability)
-        best = best_localisation(full, scores, near_enough(full, ROBUST.localising), "").node
+        best = best_localisation(full, full.distances, near_enough(full, ROBUST.localising), "").node
         if best is not None:
             quick = matcher.match(features, nodes)
             are_found.append(bool(near_enough(quick, ROBUST.localising)[nodes.index(best)]))

@@ -75,8 +75,6 @@ class LocalisingConfig:
     """D_l: greatest d of a node that the robot is at (paper)."""
     reachability: float = 0.5
     """Least r of a node that the robot is at (ours)."""
-    reachability_weight: float = 1.5
-    """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     follow_places: bool = True
     """Track all places that match the images, until later images decide between them. Once the place is certain, no
     perceptual alias is accepted as a node, a target or the goal (ours)."""
@@ -270,7 +268,7 @@ PAPER = Method(
         keep_merged=False,
         largest_piece=False,
     ),
-    localising=LocalisingConfig(reachability_weight=0.0, follow_places=False, doubt_after_failures=0),
+    localising=LocalisingConfig(follow_places=False, doubt_after_failures=0),
     planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=DrivingConfig(
         patience_s=0.0,

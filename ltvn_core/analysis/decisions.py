@@ -15,7 +15,6 @@ from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.config import Method
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
-from ltvn_core.graph.localiser import LOCAL
 from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_event
@@ -159,9 +158,7 @@ def _localising_rules(event: e.Localised) -> dict[str, float | None]:
     }
     if event.node is None:
         return near
-    if event.probability is not None:
-        near["localising.follow_places"] = None
-    return near if event.scope == LOCAL else near | {"localising.reachability_weight": None}
+    return near if event.probability is None else near | {"localising.follow_places": None}
 
 
 def _judged(event: e.AttemptEnded) -> float | None:

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.image_similarity import colour_descriptors
 from ltvn_core.config import BuildingConfig, LocalisingConfig, Method
 from ltvn_core.graph.build_progress import ProgressCallback
+from ltvn_core.graph.localiser import near_enough, resemblance
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import Features, NodeId, Observation, Predictor
-
-_LEAST_R = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +33,7 @@ class LocalisationHeatMap:
     reachability: NDArray[np.float64]
     """(N,) in [0, 1]."""
     scores: NDArray[np.float64]
-    """(N,): scores of the localiser, d - weight * ln r; the lowest wins. Temporal support is not included."""
+    """(N,): d - 1.5 ln r; the lowest is the most alike. Temporal support is not included."""
     near: NDArray[np.bool_]
     """(N,): whether d < D_l and r is above the localiser's limit, so that the robot may be at the node."""
 
@@ -59,15 +58,12 @@ def localisation_heat_map(
     Costs one match with N nodes; their features come from the matcher's keyframes. The result is empty without nodes.
     """
     found = matcher.match(features, nodes)
-    doubt = -np.log(np.maximum(found.reachability, _LEAST_R))
-    near = (found.distances < config.distance) & (found.reachability > config.reachability)
-    scores = found.distances + config.reachability_weight * doubt
     return LocalisationHeatMap(
         nodes=found.nodes,
         distances=found.distances,
         reachability=found.reachability,
-        scores=scores,
-        near=near,
+        scores=resemblance(found),
+        near=near_enough(found, config),
     )
 
 

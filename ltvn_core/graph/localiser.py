@@ -22,8 +22,8 @@ GLOBAL = "global"
 _MIN_REACHABILITY = 1e-6
 _ASKED_AT_ONCE = 8
 """Number of nodes around a place that are compared in one call, the nearest first."""
-_DOUBT_AT_PLACE = 0.5
-"""Weight of -ln r in the score at a place, added to d."""
+_DOUBT_AT_PLACE, _DOUBT_ANYWHERE = 0.5, 1.5
+"""Weights of -ln r, added to d: at a place, and where a view is shown beside all nodes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,18 +124,20 @@ class Localiser:
 
     def _best_among(self, nodes: Sequence[NodeId], features: Features, scope: str) -> Localisation:
         matches = self._matcher.match(features, nodes)
-        return best_localisation(matches, self._scores(matches), near_enough(matches, self._config), scope)
+        return best_localisation(matches, matches.distances, near_enough(matches, self._config), scope)
 
     def nearest_nodes(
         self, features: Features, graph: TopologicalGraph, count: int
     ) -> tuple[tuple[NodeId, float], ...]:
         """Return the `count` nodes that resemble an image (1, F) most, best first, with their reachability."""
         matches = self._matcher.match(features, tuple(graph.nodes))
-        order = np.argsort(self._scores(matches), kind="stable")[:count]
+        order = np.argsort(resemblance(matches), kind="stable")[:count]
         return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
 
-    def _scores(self, matches: Matches) -> np.ndarray:
-        return matches.distances + self._config.reachability_weight * doubt(matches.reachability)
+
+def resemblance(matches: Matches) -> NDArray[np.float64]:
+    """Return (N,) d - 1.5 ln r, lowest for what a view resembles most; a node that is surely not seen comes last."""
+    return matches.distances + _DOUBT_ANYWHERE * doubt(matches.reachability)
 
 
 def near_enough(matches: Matches, config: LocalisingConfig) -> NDArray[np.bool_]:

@@ -28,7 +28,6 @@ def test_the_literal_method_has_every_departure_switched_off() -> None:
     assert not PAPER.building.second_pass_reachability
     assert not PAPER.building.bridges
     assert not PAPER.building.keep_merged
-    assert not PAPER.localising.reachability_weight
     assert not PAPER.planning.belief_weight
     assert not PAPER.planning.failure_penalty
     assert not PAPER.planning.repeat_limit

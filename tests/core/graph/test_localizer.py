@@ -93,21 +93,19 @@ def test_in_an_empty_map_the_robot_is_lost() -> None:
     assert fix.runner_up is None
 
 
-def test_doubt_counts_against_a_node_in_the_robust_score() -> None:
-    class Doubting(FlatPredictor):
+def test_a_node_that_is_surely_not_seen_comes_last_in_a_gallery_however_near_it_seems() -> None:
+    class Unseeing(FlatPredictor):
         def predict(self, sources: np.ndarray, targets: np.ndarray):  # noqa: ANN202
             answer = super().predict(sources, targets)
-            doubtful = (targets[:, 3] == 3) | (np.broadcast_to(sources, targets.shape)[:, 3] == 3)
-            answer.reachability[doubtful] *= 0.6
+            unseen = (targets[:, 3] == 3) | (np.broadcast_to(sources, targets.shape)[:, 3] == 3)
+            answer.reachability[unseen] *= 0.01
             return answer
 
-    predictor = Doubting(one_room())
-    here = predictor.encode([observation_at(np.array([2.2, 1.0, 0.0]), 99)])
-    plain = replace(ROBUST, matching=PAPER.matching)
-    localizer, graph = line(predictor, plain)
-    assert localizer.localise(here, graph).node == 4
-    localizer, graph = line(predictor, replace(plain, localising=PAPER.localising))
-    assert localizer.localise(here, graph).node == 3
+    for method in (ROBUST, PAPER):
+        predictor = Unseeing(one_room())
+        localizer, graph = line(predictor, replace(method, matching=PAPER.matching))
+        ranked = localizer.nearest_nodes(predictor.encode([observation_at(np.array([2.05, 1.0, 0.0]), 99)]), graph, 8)
+        assert [node for node, _ in ranked[:2]] == [4, 2]
 
 
 def test_the_nodes_that_look_like_an_image_come_best_first() -> None:

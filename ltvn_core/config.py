@@ -47,13 +47,10 @@ class BuildingConfig:
     """D_c: two images nearer than this are joined by an edge (paper)."""
     connect_reachability: float = 0.8
     """R_c: least r for an edge (ours; the paper does not specify it)."""
-    second_pass_reachability: float = 0.6
-    """Least r for an edge of an image left over after Algorithm 1; 0 switches the second pass off (ours)."""
-    second_pass_edges: int = 2
-    """Maximum number of edges of a left-over image, the most reachable ones first (ours)."""
     bridges: bool = True
-    """Connect images left over after the second pass to merged images, which then become nodes. If there are none,
-    connect them to the next image of the drive by odometry, and goals over several images (ours)."""
+    """Connect images left over after Algorithm 1 to a less reachable node, or to a merged image, which then becomes a
+    node. If there are none, connect them to the next image of the drive by odometry, and goals over several images
+    (ours)."""
     odometry_drift: float = 0.04
     """Drift of odometry in metres per metre driven; an edge that contradicts odometry by more is rejected; 0 = off
     (ours)."""
@@ -260,7 +257,6 @@ PAPER = Method(
     building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,
-        second_pass_reachability=0.0,
         bridges=False,
         odometry_drift=0.0,
         close_loops=False,

@@ -25,7 +25,6 @@ def test_robust_is_the_default() -> None:
 
 def test_the_literal_method_has_every_departure_switched_off() -> None:
     assert not PAPER.matching.temporal_support
-    assert not PAPER.building.second_pass_reachability
     assert not PAPER.building.bridges
     assert not PAPER.building.keep_merged
     assert not PAPER.planning.belief_weight

@@ -76,7 +76,7 @@ def test_where_images_in_a_row_share_nothing_odometry_joins_them() -> None:
     (edge,) = across
     poses = {seen.step: seen.odometry for seen in images}
     assert np.allclose(graph.edges[edge].waypoint, relative(poses[edge[0]], poses[edge[1]]))
-    assert graph.edges[edge].belief.p <= ROBUST.building.second_pass_reachability
+    assert graph.edges[edge].belief.p < ROBUST.building.connect_reachability
     assert count_strongly_connected_components(graph) == 1
     sides = {frame < gap for frame in built(images, gap_predictor(gap), PAPER).nodes}
     assert len(sides) == 1

@@ -21,8 +21,6 @@ class MatchingConfig:
     """Predict a pair in both directions and keep the more reachable result, with an inverted waypoint if needed. This
     is our reading of the paper's "only targets in front are positive, the way back is driven in reverse", in both
     presets."""
-    reverse_within: float = 1.5
-    """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours)."""
     temporal_support: bool = True
     """Limit r to the median over the frames before and after both images (ours)."""
     support_gap: float = 0.8
@@ -253,7 +251,7 @@ ROBUST = Method()
 """The default: the paper's method with the departures that are needed according to measurements."""
 
 PAPER = Method(
-    matching=MatchingConfig(reverse_within=2.5, temporal_support=False, mend_slips=False, closure_reach=0),
+    matching=MatchingConfig(temporal_support=False, mend_slips=False, closure_reach=0),
     building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,

@@ -14,6 +14,9 @@ from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
+REVERSE_WITHIN = 2.5
+"""Greatest d, as predicted in one direction, of a pair that is also predicted in the other one. It exceeds D_c and D_l
+of all presets by far, because the two directions differ."""
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
 """Number of nodes up to which both directions are compared in one call."""
 
@@ -152,7 +155,7 @@ class Matcher:
         """Compare the near nodes with the image too, and keep the answer with the higher r."""
         # The network measures a motion by aligning both images, so its waypoint is right even where r is low, and only
         # the nodes that are near by this waypoint need the second comparison.
-        close = np.flatnonzero(found.distances < self._config.reverse_within)
+        close = np.flatnonzero(found.distances < REVERSE_WITHIN)
         if not len(close):
             return found
         if answered is None:

@@ -23,14 +23,10 @@ class MatchingConfig:
     presets."""
     temporal_support: bool = True
     """Limit r to the median over the frames before and after both images (ours)."""
-    support_gap: float = 0.8
-    """Greatest d by odometry of two frames of a recording that count as neighbours in time (ours)."""
     mend_slips: bool = True
     """Correct odometry if two consecutive depth images show that the wheels slipped (ours)."""
     closure_reach: int = 10
     """Number of images around both ends that are compared to confirm an edge between two passes; 0 = off (ours)."""
-    closure_share: float = 0.5
-    """Least share of these images whose predicted poses agree with the edge (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +35,6 @@ class BuildingConfig:
 
     merge_distance: float = 0.55
     """D_m: an image nearer than this to a node is merged (paper)."""
-    merge_reachability: float = 0.6
-    """Least r for merging (ours)."""
     connect_distance: float = 1.0
     """D_c: two images nearer than this are joined by an edge (paper)."""
     connect_reachability: float = 0.8
@@ -95,14 +89,6 @@ class DrivingConfig:
 
     speed_m_s: float = 0.5
     """Maximum forward speed (paper: position-based feedback; the value is ours)."""
-    turn_rad_s: float = 1.0
-    """Maximum turning rate (ours)."""
-    position_tolerance_m: float = 0.08
-    """Distance within which a waypoint is reached (ours)."""
-    yaw_tolerance_rad: float = 0.06
-    """Greatest heading error at the end of the final turn (ours)."""
-    leg_steps: int = 100
-    """Maximum number of control steps of 0.1 s in an attempt (ours)."""
     look_every_steps: int = 20
     """Number of control steps after which the waypoint is predicted again; 0 = only at departure (ours)."""
     lost_reachability: float = 0.35
@@ -119,12 +105,8 @@ class DrivingConfig:
     """Least clearance in metres of a way for backing up; on a narrower way the robot turns round; 0 = never (ours)."""
     bends: int = 3
     """Maximum number of detours in one attempt if steering around an obstacle does not help; 0 = never (ours)."""
-    veto_margin_m: float = 0.04
-    """Clearance on each side of the robot, in metres (ours)."""
     patience_s: float = 4.0
     """Maximum time in seconds that one attempt waits while something moves close ahead; 0 = never (ours)."""
-    back_off_m: float = 0.25
-    """Distance in metres to back off after a collision (ours; the paper does not specify it)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,10 +157,8 @@ class BeliefConfig:
     one_failure_per_query: bool = True
     """Count all failures of an edge in one query as one (ours)."""
     hindered_weight: float = 0.15
-    """Weight of a failure with an obstacle in the way, or after driving in circles; 1 is the paper's (ours)."""
-    hindered_prune_below: float = 0.05
-    """R_p of failures with an obstacle in the way, low so that many of them are needed; `prune_below` is the paper's
-    (ours)."""
+    """Weight of a failure with an obstacle in the way, or after driving in circles, which then prunes only at a low p;
+    1 is the paper's, which treats all failures alike (ours)."""
     prune_after_failures: int = 3
     """Least number of failures, in different queries, before an edge is pruned; 1 is the paper's (ours)."""
     failures_per_success: int = 2
@@ -191,28 +171,17 @@ class ExpansionConfig:
 
     novel_after_looks: int = 12
     """Number of unrecognised observations after which one becomes a node; 1 = at once (paper), 0 = never (ours)."""
-    connect_factor: float = 1.3
-    """Factor on D_c for novel nodes (paper)."""
-    merge_factor: float = 0.6
-    """Factor on D_m for novel nodes (paper)."""
     search_reserve: bool = True
     """Search a path through left-over images if the map has none (paper); False = never (ours)."""
     strict: bool = True
-    """Require that a left-over image passes R_c with temporal support and connects two nodes (ours)."""
-    sample_limit: int = 60
-    """Maximum number of left-over images in one search, those near the gap in time first; 0 = all, at random (ours)."""
-    neighbour_limit: int = 24
-    """Maximum number of nodes with which a left-over image is compared, nearest in time first; 0 = all (ours)."""
+    """Require that a left-over image passes R_c with temporal support and connects two nodes, and compare only those
+    near the gap in time, each with the nodes nearest in time; False compares all, at random (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveryConfig:
     """Behaviour of a robot that is lost or has no path, and limits of a query."""
 
-    turn_rad: float = 0.52
-    """Angle in radians of the turn on the spot between two observations (paper: it turns; the value is ours)."""
-    looks_per_turn: int = 12
-    """Number of observations in a full turn (ours)."""
     give_up_after_looks: int = 48
     """Number of consecutive observations without a node or a path that ends a query (ours)."""
     step_limit: int = 2000
@@ -273,17 +242,15 @@ PAPER = Method(
         swerve=False,
         back_up_clearance_m=0.0,
         bends=0,
-        back_off_m=0.1,
     ),
     judging=JudgingConfig(success_distance=0.0),
     believing=BeliefConfig(
         one_failure_per_query=False,
         hindered_weight=1.0,
-        hindered_prune_below=0.5,
         prune_after_failures=1,
         failures_per_success=0,
     ),
-    expanding=ExpansionConfig(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
+    expanding=ExpansionConfig(novel_after_looks=1, strict=False),
 )
 """The literal method, without any departure."""
 

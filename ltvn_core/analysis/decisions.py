@@ -54,13 +54,10 @@ class Decision:
 
 
 _ENDS = {
-    e.AttemptEnd.REACHED: "driving.position_tolerance_m",
-    e.AttemptEnd.COLLISION: "driving.back_off_m",
-    e.AttemptEnd.BLOCKED: "driving.veto_margin_m",
-    e.AttemptEnd.TIMEOUT: "driving.leg_steps",
+    e.AttemptEnd.BLOCKED: "driving.depth_veto",
     e.AttemptEnd.LOST: "driving.lost_reachability",
 }
-"""Rule for each way in which an attempt can end."""
+"""Rule for each way in which a rule can end an attempt."""
 _OUTCOMES = {
     e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
     e.Outcome.LOST: ("recovering.give_up_after_looks",),
@@ -69,7 +66,7 @@ _OUTCOMES = {
 }
 """Rules for each outcome of a query but an arrival, whose event names its rule."""
 _CAUSES = {
-    Cause.NOVEL: ("expanding.novel_after_looks", "expanding.connect_factor"),
+    Cause.NOVEL: ("expanding.novel_after_looks",),
     Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
 }
 """Rules for each cause that adds nodes and edges during a query."""
@@ -134,7 +131,7 @@ def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
             return stopped | ({event.rule: _judged(event)} if event.rule else {})
         case e.StateChanged(state):
             is_lost = state is e.NavigatorState.RECOVERING
-            return {"recovering.turn_rad": None, "recovering.looks_per_turn": None} if is_lost else None
+            return {"recovering.give_up_after_looks": None} if is_lost else None
         case e.GraphChanged(delta):
             return _map_rules(delta)
         case e.QueryEnded():
@@ -148,6 +145,8 @@ def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
 def _ending_rules(event: e.QueryEnded) -> dict[str, float | None]:
     if event.rule == e.BY_IMAGE:
         return {"judging.arrive_distance": event.distance, e.BY_IMAGE: event.reachability}
+    if event.rule == e.BY_WAYPOINT:
+        return {}  # Nothing was left to drive.
     return dict.fromkeys([event.rule] if event.rule else _OUTCOMES.get(event.outcome, ()))
 
 

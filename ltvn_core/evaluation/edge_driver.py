@@ -21,6 +21,7 @@ from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
+from ltvn_core.navigation.steering import REACHED_M, REACHED_RAD
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
@@ -176,12 +177,10 @@ class EdgeDriver:
 
     def _start(self, source: FrameId) -> Pose:
         """Return the pose (3,) at which a drive to `source` could have ended."""
-        driving = self._method.driving
         exact = self._imaged_scene.poses[source]
         # A real drive ends with the error of a waypoint plus the tolerance of the controller.
         for _ in range(_START_DRAWS if len(self._errors) else 0):
-            tolerance = [driving.position_tolerance_m, driving.position_tolerance_m, driving.yaw_tolerance_rad]
-            missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * tolerance
+            missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * [REACHED_M, REACHED_M, REACHED_RAD]
             start = compose(exact, missed)
             if self._imaged_scene.scene.clearance.along(exact[None, :2], start[None, :2])[0] > _START_CLEARANCE_M:
                 return start

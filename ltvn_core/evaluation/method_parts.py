@@ -32,7 +32,7 @@ def _without_merging(method: Method) -> Method:
 
 def _without_pruning(method: Method) -> Method:
     """Prune no edge, even with a low p: R_p = 0."""
-    return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
+    return replace(method, believing=replace(method.believing, prune_below=0.0))
 
 
 def _without_expansion(method: Method) -> Method:

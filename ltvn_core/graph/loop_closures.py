@@ -23,6 +23,8 @@ _NEAR = 0.9
 _GAP = (0.35, 0.35)
 """Largest error of a waypoint that confirms a pair, in m and rad."""
 _MIN_REACHABILITY = 0.5
+_MIN_SHARE = 0.5
+"""Least share of the compared pairs that agree with a match."""
 _MIN_PAIRS = 3
 """Least number of pairs for a verdict; with fewer, the match is accepted."""
 
@@ -47,7 +49,6 @@ class LoopClosureVerifier:
         self._matcher = matcher
         self._keyframes = matcher.keyframes
         self._reach = matcher.config.closure_reach
-        self._min_share = matcher.config.closure_share
 
     def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
         """Return the matches of a stored frame that become edges: those connectable before and after `supported` lowers
@@ -89,7 +90,7 @@ class LoopClosureVerifier:
         if len(first) < _MIN_PAIRS:
             return True
         agreed = self._pairs_agree(here.features[first], there.features[second], expected)
-        return bool(agreed.mean() >= self._min_share)
+        return bool(agreed.mean() >= _MIN_SHARE)
 
     def _sequence_around(self, frame: FrameId) -> ObservationSequence:
         """Return the images of the drive shortly before and after a frame."""

@@ -42,6 +42,8 @@ from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor, i
 
 MAX_RETRIES_PER_NODE = 4
 """Number of reserved images that are tried again with each new node."""
+SAMPLES, NEIGHBOURS = 60, 24
+"""Most left-over images in one strict search for a path, and most nodes with which each is compared."""
 BRIDGES_TRIED = 12
 """Number of recently merged images with which an image without a neighbour is compared."""
 
@@ -202,13 +204,12 @@ def _candidates(
 ) -> list[FrameId]:
     """Order the reserve: at random, or first the images that lie in time between reached and unreached nodes."""
     frames = np.array(sorted(graph.reserve))
-    limit = method.expanding.sample_limit
-    if not limit:
+    if not method.expanding.strict:
         return [int(frame) for frame in rng.permutation(frames)]
     gap = _steps_to_nearest_node(frames, reachable_nodes(graph, source)) + _steps_to_nearest_node(
         frames, reachable_nodes(graph, goal, backwards=True)
     )
-    return [int(frame) for frame in frames[np.argsort(gap, kind="stable")[:limit]]]
+    return [int(frame) for frame in frames[np.argsort(gap, kind="stable")[:SAMPLES]]]
 
 
 def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:
@@ -221,7 +222,8 @@ def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray
 
 def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method) -> _NodeDeltas | None:
     """Return the deltas that make a frame a node of the trial map; None if it adds nothing or is not trusted."""
-    nodes = _near_in_time(trial, frame, method.expanding.neighbour_limit)
+    nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
+    nodes = nodes[:NEIGHBOURS] if method.expanding.strict else nodes
     matches = matcher.match(matcher.keyframes.features([frame]), nodes)
     chosen = _connected(matches, frame, matcher, method)
     if not len(chosen):
@@ -231,13 +233,8 @@ def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher
     return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
 
 
-def _near_in_time(trial: TopologicalGraph, frame: FrameId, limit: int) -> Sequence[NodeId]:
-    nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
-    return nodes[:limit] if limit else nodes
-
-
 def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Method) -> Matches:
-    thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
     if not method.expanding.strict:
         merges = mergeable(matches, thresholds).any()
         return matches.take(connectable(matches, thresholds) & ~merges)

@@ -15,6 +15,9 @@ from ltvn_core.graph.presence.obstruction import Obstruction
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Observation
 
+HINDERED_PRUNE_BELOW = 0.05
+"""R_p of failures with an obstacle in the way, if these count less; low, so that many of them are needed."""
+
 
 @dataclass(frozen=True, slots=True)
 class AttemptEvidence:
@@ -66,7 +69,8 @@ def update_edge(graph: TopologicalGraph, attempt: AttemptEvidence, config: Belie
     attempts = edge.attempts + 1
     successes = edge.successes + attempt.succeeded
     updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
-    least_p = config.hindered_prune_below if attempt.hindered else config.prune_below
+    counts_less = attempt.hindered and config.hindered_weight < 1
+    least_p = min(config.prune_below, HINDERED_PRUNE_BELOW) if counts_less else config.prune_below
     after = replace(edge, belief=belief, attempts=attempts, successes=successes)
     if attempt.succeeded or not should_prune(after, least_p, config):
         return (updated,)
@@ -87,7 +91,7 @@ def novel_node(
 
     D_c is looser and D_m smaller than in building.
     """
-    thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
     observation = unrecognised.observation
     if observation.step in graph.nodes or observation.step in graph.reserve:
         return ()

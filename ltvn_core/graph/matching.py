@@ -14,6 +14,8 @@ from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
+_SUPPORT_GAP = 0.8
+"""Greatest d by odometry of two frames of a recording that count as neighbours in time."""
 REVERSE_WITHIN = 2.5
 """Greatest d, as predicted in one direction, of a pair that is also predicted in the other one. It exceeds D_c and D_l
 of all presets by far, because the two directions differ."""
@@ -125,7 +127,7 @@ class Matcher:
 
         A false match between perceptual aliases rarely survives a step to either side, but a true match does.
         """
-        own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
+        own = self._keyframes.temporal_neighbours(frame, _SUPPORT_GAP)
         return self._with_support(matches, self._keyframes.features([frame]), own)
 
     def with_node_support(self, matches: Matches, features: Features) -> Matches:
@@ -189,7 +191,7 @@ class Matcher:
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs of images (P, F), (P, F) that are neighbours in time of the matches, and the match (P,) of
         each pair."""
-        beside = [self._keyframes.temporal_neighbours(node, self._config.support_gap) for node in matches.nodes]
+        beside = [self._keyframes.temporal_neighbours(node, _SUPPORT_GAP) for node in matches.nodes]
         counts = [len(frames) for frames in beside]
         here = [
             np.repeat(features, sum(counts), axis=0),

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import BeliefConfig, BuildingConfig, ExpansionConfig
+from ltvn_core.config import BeliefConfig, BuildingConfig
 from ltvn_core.geometry import invert
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
@@ -18,6 +18,10 @@ from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.types import FrameId, NodeId, Observation, Waypoint
 
 _MERGE_CANDIDATES = 3
+_MERGE_REACHABILITY = 0.6
+"""Least r for merging; the paper has none."""
+_NOVEL_CONNECT, _NOVEL_MERGE = 1.3, 0.6
+"""Factors on D_c and D_m for novel nodes: the paper makes the first looser and the second smaller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +30,6 @@ class OperatorThresholds:
 
     merge_distance: float
     """D_m: greatest d for merging."""
-    merge_reachability: float
-    """Least r for merging."""
     connect_distance: float
     """D_c: greatest d for an edge."""
     connect_reachability: float
@@ -36,25 +38,20 @@ class OperatorThresholds:
     @classmethod
     def building(cls, config: BuildingConfig) -> "OperatorThresholds":
         """Return the thresholds of Algorithm 1."""
-        return cls(
-            config.merge_distance,
-            config.merge_reachability,
-            config.connect_distance,
-            config.connect_reachability,
-        )
+        return cls(config.merge_distance, config.connect_distance, config.connect_reachability)
 
-    def for_novel_nodes(self, config: ExpansionConfig) -> "OperatorThresholds":
+    def for_novel_nodes(self) -> "OperatorThresholds":
         """Return the thresholds for novel nodes: D_c looser, D_m smaller."""
         return replace(
             self,
-            merge_distance=self.merge_distance * config.merge_factor,
-            connect_distance=self.connect_distance * config.connect_factor,
+            merge_distance=self.merge_distance * _NOVEL_MERGE,
+            connect_distance=self.connect_distance * _NOVEL_CONNECT,
         )
 
 
 def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether the image merges with it: d < D_m."""
-    return (matches.distances < thresholds.merge_distance) & (matches.reachability > thresholds.merge_reachability)
+    return (matches.distances < thresholds.merge_distance) & (matches.reachability > _MERGE_REACHABILITY)
 
 
 def connectable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:

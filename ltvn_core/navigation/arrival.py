@@ -15,7 +15,7 @@ from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, BY_WAYPOINT, Note, Outcome, Severity
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.query import Query, Survey
-from ltvn_core.navigation.recovery import turn
+from ltvn_core.navigation.recovery import LOOKS_PER_TURN, turn
 from ltvn_core.types import Waypoint
 
 AT_TARGET_M, _AT_TARGET_RAD = 0.35, 0.3
@@ -85,7 +85,7 @@ def _survey(query: Query) -> EventGenerator[None]:
         raise QueryAborted(Outcome.LOST)
     query.memory.surveys += 1
     expected = agreed = 0
-    for _ in range(query.method.recovering.looks_per_turn):
+    for _ in range(LOOKS_PER_TURN):
         yield from turn(query)
         if (yield from query.perception.can_compare()):
             place = query.look()

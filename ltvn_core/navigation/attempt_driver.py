@@ -5,7 +5,7 @@ Owns the control loop of the attempt. Does not judge whether the robot reached i
 
 import itertools
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 
@@ -25,14 +25,18 @@ from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.navigation.steering import TurningCircle, drives_backwards
+from ltvn_core.navigation.steering import REACHED_M, TURN_RAD_S, TurningCircle, drives_backwards
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
 _MAX_WAYPOINT_M = 2.5
 """Maximum length of a waypoint, in metres: the range in which the network was trained."""
-_DETOUR_TOLERANCE_M = 0.04
-"""Position tolerance at the via point of a detour, in metres; small, because detours lead through narrow places."""
+_MOST_STEPS = 100
+"""Maximum number of control steps in an attempt at a waypoint in that range; in proportion more beyond it."""
+_BACK_OFF_M = 0.25
+"""Distance in metres to back off after a collision; the paper gives none."""
+_DETOUR_REACHED_M = 0.04
+"""Distance within which the via point of a detour is reached, in metres; small, because the way is narrow there."""
 _FRAMES_AROUND_TARGET, _FRAMES_AROUND_NODE = 8, 3
 """Number of images of the drive before and after the target, and before and after other nodes, that show the way to
 back up."""
@@ -82,8 +86,7 @@ class AttemptDriver:
         self._motion = motion
         self._perception = perception
         self._turning = TurningCircle(spec.speeds)
-        self._config = replace(config, leg_steps=config.leg_steps * self._turning.legs)
-        self._detour_config = replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
+        self._config = config
         self._spec = spec
         patient = config.patience_s > 0
         self._obstacles = ObstacleMemory(spec, bystanders=(bystanders or Bystanders()) if patient else None)
@@ -106,7 +109,7 @@ class AttemptDriver:
         config = self._config
         # Only predictions beyond the range of training are wrong; the map and odometry know far places as well.
         goal = compose(motion.odometry, waypoint if is_known else clip_waypoint(waypoint))
-        most_steps = round(config.leg_steps * max(1.0, self._length_m(goal) / _MAX_WAYPOINT_M))
+        most_steps = round(_MOST_STEPS * self._turning.legs * max(1.0, self._length_m(goal) / _MAX_WAYPOINT_M))
         collisions_before = motion.collisions
         self._reset(target, waypoint, around, is_known=is_known)
         for step in range(most_steps):
@@ -202,9 +205,11 @@ class AttemptDriver:
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
         """Return the next command, or the reason why the attempt ends here."""
         while True:
-            aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
+            aim, reached_m = (goal, REACHED_M) if self._detour is None else (self._detour, _DETOUR_REACHED_M)
             error, is_narrow = self._drivable_aim(relative(self._motion.odometry, aim))
-            twist = self._turning.steer(error, config, backwards=self._backwards, is_narrow=is_narrow)
+            twist = self._turning.steer(
+                error, self._config, backwards=self._backwards, is_narrow=is_narrow, reached_m=reached_m
+            )
             if twist is None:
                 if self._detour is None:
                     return AttemptEnd.REACHED
@@ -260,16 +265,15 @@ class AttemptDriver:
 
     def turn(self, angle_rad: float) -> Generator[Event | Tick, None, None]:
         """Turn on the spot by an angle, measured by odometry; a car without room for its arcs stops."""
-        rate_rad_s = self._config.turn_rad_s
         motion = self._motion
         goal_rad = motion.odometry[2] + angle_rad
         # Odometry may stand still when the robot is stuck, so the number of steps is bounded too.
-        steps = 2 + int(2 * abs(angle_rad) / (rate_rad_s * CONTROL_STEP_S))
+        steps = 2 + int(2 * abs(angle_rad) / (TURN_RAD_S * CONTROL_STEP_S))
         for _ in range(steps * self._turning.legs):
             left = abs(float(wrap_angle(goal_rad - motion.odometry[2])))
             if left < _TURNED_RAD:
                 return
-            rate = min(rate_rad_s, max(_SLOWEST_TURN_RAD_S, left / CONTROL_STEP_S))
+            rate = min(TURN_RAD_S, max(_SLOWEST_TURN_RAD_S, left / CONTROL_STEP_S))
             twist = self._drivable(Twist(0.0, float(np.sign(angle_rad) * rate)), _ARC_ROOM_M)
             if twist is None:
                 return
@@ -328,7 +332,7 @@ class AttemptDriver:
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         if self._obstacles.people_are_about(self._motion.stamp):
             return  # The camera looks the other way, so the robot stands still and touches nobody.
-        length_m = self._config.back_off_m if backwards else -self._config.back_off_m
+        length_m = _BACK_OFF_M if backwards else -_BACK_OFF_M
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)
 
 

@@ -71,8 +71,8 @@ BY_IMAGE, BY_PLACE, BY_WAYPOINT = (
     "localising.follow_places",
     "driving.position_tolerance_m",
 )
-"""Names in `config` of the rules by which a robot arrives: the image shows the goal; the images in all directions show
-its place; nothing is left to drive, for systems that localise by single images."""
+"""Names of the rules by which a robot arrives: the image shows the goal; the images in all directions show its place;
+nothing is left to drive, for systems that localise by single images, which is no field of `config` any more."""
 
 
 @dataclass(frozen=True, slots=True)

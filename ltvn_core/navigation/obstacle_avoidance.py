@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
 from ltvn_core.navigation.clearances import MAX_NOISE_POINTS, NARROW_MARGIN_M, Clearances
+from ltvn_core.navigation.steering import TURN_RAD_S
 from ltvn_core.types import Twist
 
+_MARGIN_M = 0.04
+"""Clearance kept on each side of the robot, in metres."""
 _HORIZON_S = 0.8
 _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
@@ -37,12 +40,12 @@ def collision_free_command(
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
     clearances = Clearances(points)
-    clear_m, narrow_m = (clearances.least_m(radius_m + margin) for margin in (config.veto_margin_m, NARROW_MARGIN_M))
+    clear_m, narrow_m = (clearances.least_m(radius_m + margin) for margin in (_MARGIN_M, NARROW_MARGIN_M))
     reach_m = min(length_m, abs(twist.linear_m_s) * _HORIZON_S)
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
-        turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
+        turn = float(np.clip(twist.angular_rad_s + turn_offset, -TURN_RAD_S, TURN_RAD_S))
         # A bent command is slower, because the robot needs time to see what comes into view.
-        adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
+        adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / TURN_RAD_S), turn)
         if clearances.at(_arc(adjusted, reach_m)).min() > clear_m:
             return adjusted
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)

@@ -36,7 +36,7 @@ from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.obstruction_finder import departure
 from ltvn_core.navigation.perception import NodeMatch
 from ltvn_core.navigation.query import Query
-from ltvn_core.navigation.recovery import recover, turn, turn_to_see
+from ltvn_core.navigation.recovery import LOOKS_PER_TURN, recover, turn, turn_to_see
 from ltvn_core.navigation.way_planner import plan_way, way_exists
 from ltvn_core.types import NodeId, Waypoint
 
@@ -98,7 +98,7 @@ class QueryRunner:
         if p is None or p > LIKELY or self._motion.path_m - self._memory.began_at_m > _AT_START_M:
             return False
         self._memory.first_looks += 1
-        return self._memory.first_looks <= self._query.method.recovering.looks_per_turn
+        return self._memory.first_looks <= LOOKS_PER_TURN
 
     def _localise(self) -> EventGenerator[Localisation]:
         """Find the node the robot is at."""

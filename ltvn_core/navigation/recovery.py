@@ -10,6 +10,9 @@ from ltvn_core.navigation.events import Event, Outcome, Tick
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.query import Query
 
+TURN_RAD, LOOKS_PER_TURN = 0.52, 12
+"""Angle of the turn on the spot between two observations, and number of observations in a full turn."""
+
 
 def recover(query: Query, why: Outcome) -> EventGenerator[None]:
     """Turn on the spot to look again; finally give up.
@@ -17,14 +20,13 @@ def recover(query: Query, why: Outcome) -> EventGenerator[None]:
     Raises:
         QueryAborted: If the robot has looked around often enough.
     """
-    config = query.method.recovering
     memory = query.memory
     memory.record_localisation_failure(why)
     if why is Outcome.LOST and query.perception.is_usable:
         yield from _remember_novel(query)
-    if memory.consecutive_failures >= config.give_up_after_looks:
+    if memory.consecutive_failures >= query.method.recovering.give_up_after_looks:
         raise QueryAborted(memory.give_up_outcome)
-    if memory.consecutive_failures % config.looks_per_turn == 0:
+    if memory.consecutive_failures % LOOKS_PER_TURN == 0:
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
         query.begin_anew()
     yield from turn(query)
@@ -40,7 +42,7 @@ def turn_to_see(query: Query) -> EventGenerator[None]:
 
 def turn(query: Query) -> Iterator[Event | Tick]:
     """Turn on the spot towards the direction of the next observation."""
-    yield from query.driver.turn(query.method.recovering.turn_rad)
+    yield from query.driver.turn(TURN_RAD)
 
 
 def _remember_novel(query: Query) -> Iterator[Event]:

@@ -6,7 +6,6 @@ Computes commands only; moves nothing.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +14,10 @@ from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.robot_spec import SpeedLimits
 from ltvn_core.types import Pose, Twist, Waypoint
 
+TURN_RAD_S = 1.0
+"""Maximum turning rate, in rad/s."""
+REACHED_M, REACHED_RAD = 0.08, 0.06
+"""Distance within which a waypoint is reached, and greatest heading error at the end of the final turn."""
 _REVERSE_BEARING_RAD = float(np.deg2rad(100))
 _TURN_FIRST_RAD = 0.5
 """Bearing beyond which the robot turns on the spot before it drives."""
@@ -41,17 +44,22 @@ def drives_backwards(waypoint: Waypoint) -> bool:
 
 
 def steer(
-    error: Waypoint, config: DrivingConfig, *, backwards: bool, turn_first_rad: float = _TURN_FIRST_RAD
+    error: Waypoint,
+    config: DrivingConfig,
+    *,
+    backwards: bool,
+    turn_first_rad: float = _TURN_FIRST_RAD,
+    reached_m: float = REACHED_M,
 ) -> Twist | None:
     """Return the velocities towards a target given in the robot's frame (3,); None once it is reached."""
     away_m = float(np.hypot(error[0], error[1]))
     ahead_m = -error[0] if backwards else error[0]
-    if away_m < config.position_tolerance_m or (away_m < _PASSED_M and ahead_m < 0):
-        return _turn_to(float(error[2]), config)
+    if away_m < reached_m or (away_m < _PASSED_M and ahead_m < 0):
+        return _turn_to(float(error[2]))
     bearing = float(np.arctan2(error[1], error[0]))
     if backwards:
         bearing = float(wrap_angle(bearing + np.pi))
-    turn = _limited(_BEARING_GAIN_1_S * bearing, config.turn_rad_s)
+    turn = _limited(_BEARING_GAIN_1_S * bearing)
     if abs(bearing) > turn_first_rad:
         return Twist(0.0, turn)
     # The fourth power keeps the robot from cutting corners: it hardly moves before it faces the target.
@@ -74,7 +82,13 @@ class TurningCircle:
         return _CAR_LEGS if self._limits.turning_radius_m else 1
 
     def steer(
-        self, error: Waypoint, config: DrivingConfig, *, backwards: bool, is_narrow: bool = False
+        self,
+        error: Waypoint,
+        config: DrivingConfig,
+        *,
+        backwards: bool,
+        is_narrow: bool = False,
+        reached_m: float = REACHED_M,
     ) -> Twist | None:
         """Return the velocities of `steer`, adapted to the turning radius.
 
@@ -84,14 +98,14 @@ class TurningCircle:
         radius_m = self._limits.turning_radius_m
         if not radius_m:
             turn_first_rad = _TURN_FIRST_IN_NARROW_RAD if is_narrow else _TURN_FIRST_RAD
-            return steer(error, config, backwards=backwards, turn_first_rad=turn_first_rad)
+            return steer(error, config, backwards=backwards, turn_first_rad=turn_first_rad, reached_m=reached_m)
         away_m = float(np.hypot(error[0], error[1]))
         turns = self._arc_began is not None
         # The arc to a point at distance d and bearing b has the radius d / (2 sin b).
         first_rad = _AIMED_RAD if turns else 0.8 * np.arcsin(min(away_m / (2 * radius_m), 0.6))
         slack_m = 2 * _ARC_M if turns else _ARC_M / 2
-        config = replace(config, position_tolerance_m=config.position_tolerance_m + slack_m)
-        return steer(error, config, backwards=backwards, turn_first_rad=float(first_rad))
+        reached_m += slack_m
+        return steer(error, config, backwards=backwards, turn_first_rad=float(first_rad), reached_m=reached_m)
 
     def commands(self, wish: Twist, odometry: Pose) -> Iterator[Twist]:
         """Yield commands to try in place of a desired one, the best first; a drivable one stays as it is.
@@ -124,11 +138,9 @@ class TurningCircle:
         return Twist(speed if self._forwards else -speed, float(np.sign(wish.angular_rad_s)) * speed / radius_m)
 
 
-def _turn_to(yaw_rad: float, config: DrivingConfig) -> Twist | None:
-    if abs(yaw_rad) < config.yaw_tolerance_rad:
-        return None
-    return Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad, config.turn_rad_s))
+def _turn_to(yaw_rad: float) -> Twist | None:
+    return None if abs(yaw_rad) < REACHED_RAD else Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad))
 
 
-def _limited(value: float, limit: float) -> float:
-    return float(np.clip(value, -limit, limit))
+def _limited(rate_rad_s: float) -> float:
+    return float(np.clip(rate_rad_s, -TURN_RAD_S, TURN_RAD_S))

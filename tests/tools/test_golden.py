@@ -60,7 +60,7 @@ def test_numbers_made_on_another_machine_may_differ_in_their_last_digits(tmp_pat
 def test_another_number_of_the_method_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     setting = [Setting(name="demo map", queries=1)]
     write(tmp_path / "runs.json", runs(setting))
-    legs = dataclasses.replace(config.ROBUST.driving, leg_steps=9)
-    monkeypatch.setitem(config.PRESETS, "robust", dataclasses.replace(config.ROBUST, driving=legs))
+    slower = dataclasses.replace(config.ROBUST.driving, speed_m_s=0.2)
+    monkeypatch.setitem(config.PRESETS, "robust", dataclasses.replace(config.ROBUST, driving=slower))
 
     assert "query 0" in (difference(tmp_path / "runs.json", runs(setting)) or "")

@@ -6,7 +6,7 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Cause, EdgePruned, FramesReleased, FramesReserved, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.ltvn import expand, reachable_nodes
+from ltvn_core.graph.ltvn import NEIGHBOURS, SAMPLES, expand, reachable_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
 from ltvn_core.graph.planner import Planner
@@ -97,8 +97,7 @@ def test_the_robust_search_does_bounded_work() -> None:
     graph, matcher = cut_map(predictor, ROBUST)
     predictor.compared = 0
     expand(graph, 0, 400, matcher, ROBUST, np.random.default_rng(0))
-    expanding = ROBUST.expanding
-    assert predictor.compared <= 2 * expanding.sample_limit * expanding.neighbour_limit
+    assert predictor.compared <= 2 * SAMPLES * NEIGHBOURS
 
 
 def test_what_is_reached_follows_the_edges_one_way_and_back() -> None:

@@ -9,7 +9,13 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
+from ltvn_core.graph.maintenance import (
+    HINDERED_PRUNE_BELOW,
+    AttemptEvidence,
+    UnrecognisedObservation,
+    novel_node,
+    update_edge,
+)
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
@@ -100,7 +106,7 @@ def test_a_novel_node_is_tied_in_from_farther_away_than_in_building() -> None:
 
 def test_what_is_almost_a_node_already_is_not_novel() -> None:
     assert novel(one_edge(), 1.05) == ()
-    closer = replace(ROBUST, expanding=replace(ROBUST.expanding, merge_factor=0.0))
+    closer = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.0))
     assert novel(one_edge(), 1.05, closer) != ()
 
 
@@ -120,7 +126,7 @@ def test_what_hindered_the_robot_says_little_about_the_edge() -> None:
     for _ in range(10):
         for delta in update_edge(graph, hindered, config):
             graph.apply(delta)
-    assert config.hindered_prune_below < graph.edges[1, 2].belief.p < config.prune_below
+    assert HINDERED_PRUNE_BELOW < graph.edges[1, 2].belief.p < config.prune_below
     assert any(
         isinstance(delta, EdgePruned)
         for delta in update_edge(graph, AttemptEvidence(1, 2, 1.0, succeeded=False), config)

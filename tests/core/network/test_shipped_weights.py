@@ -49,7 +49,7 @@ def test_screening_passes_nearly_all_pairs_that_could_become_edges_and_few_other
     features, answers = compared_in_full()
     passed = [predictor.may_match(features[source : source + 1], features) for source in answers]
     connectable = [
-        (found.reachability > building.merge_reachability) & (distance(found.waypoints) < building.connect_distance)
+        (found.reachability > 0.6) & (distance(found.waypoints) < building.connect_distance)
         for found in answers.values()
     ]
     assert np.mean(passed) < 0.5

@@ -16,9 +16,9 @@ from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Wa
 
 _SUPPORT_GAP = 0.8
 """Greatest d by odometry of two frames of a recording that count as neighbours in time."""
-REVERSE_WITHIN = 2.5
-"""Greatest d, as predicted in one direction, of a pair that is also predicted in the other one. It exceeds D_c and D_l
-of all presets by far, because the two directions differ."""
+REVERSE_WITHIN = 1.5
+"""Greatest d, as predicted in one direction, of a pair that is also predicted in the other one: the largest D_c and D_l
+of any preset. What lies beyond is no candidate for an edge or a place."""
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
 """Number of nodes up to which both directions are compared in one call."""
 

@@ -1,16 +1,12 @@
-"""Context of a navigator: the map, the images of its nodes, the predictor and the system.
-
-Owns the only way in which the map changes while the robot navigates. Decides nothing.
-"""
+"""Context of a navigator: the map, the images of its nodes, the predictor and the system. Decides nothing."""
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
@@ -18,7 +14,6 @@ from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Predictor
 
@@ -84,12 +79,3 @@ class NavigationContext:
             matcher=matcher,
             planner=planner,
         )
-
-    def apply_deltas(
-        self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None
-    ) -> Iterator[GraphChanged]:
-        """Apply deltas to the map, and yield an event for each."""
-        for delta in deltas:
-            self.graph.apply(delta)
-            self.planner.mirror_delta(delta)
-            yield GraphChanged(delta, query, attempt)

@@ -173,8 +173,11 @@ def _is_new(query: Query, points: NDArray[np.float64], node: NodeId, here: Pose)
     nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
     spec = query.context.spec
     read = partial(map_points, camera=spec.camera, range_m=2 * _RANGE_M, height_m=spec.clear_height_m)
-    mapped = query.perception.mapped_points({other: poses[other] for other in nearest}, _IMAGES_AROUND, read)
-    return _is_new_to(points, mapped)
+    mapped = _thinned(query.perception.mapped_points({other: poses[other] for other in nearest}, _IMAGES_AROUND, read))
+    if not len(mapped) or not len(points):
+        return np.ones(len(points), np.bool_)
+    gaps, _ = KDTree(mapped).query(points)
+    return np.asarray(gaps) > _KNOWN_WITHIN_M
 
 
 def _is_on_way(graph: TopologicalGraph, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
@@ -186,15 +189,6 @@ def _is_on_way(graph: TopologicalGraph, points: NDArray[np.float64], segment: Se
             return True
         start = end
     return False
-
-
-def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points (M,) are far from all mapped points (N, 2)."""
-    mapped = _thinned(mapped)
-    if not len(mapped) or not len(points):
-        return np.ones(len(points), np.bool_)
-    gaps, _ = KDTree(mapped).query(points)
-    return np.asarray(gaps) > _KNOWN_WITHIN_M
 
 
 def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """One query to a goal: the state that all its parts share, and the questions that most of them ask.
 
-Owns this state, and what of it ends when the robot is carried. The loop itself is in `navigation.query_runner`.
+Owns this state, what of it ends when the robot is carried, and the only way in which the map changes meanwhile. The
+loop itself is in `navigation.query_runner`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -133,4 +134,7 @@ class Query:
 
     def apply(self, deltas: Iterable[GraphDelta], attempt: int | None = None) -> Iterator[GraphChanged]:
         """Change the map, and yield an event for each change."""
-        return self.context.apply_deltas(deltas, self.number, attempt)
+        for delta in deltas:
+            self.context.graph.apply(delta)
+            self.context.planner.mirror_delta(delta)
+            yield GraphChanged(delta, self.number, attempt)

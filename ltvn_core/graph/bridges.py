@@ -1,4 +1,4 @@
-"""Bridges: joins images that Algorithm 1 leaves over to the map, to one node or merged image, or by odometry.
+"""Bridges: joins images that Algorithm 1 leaves over to the map, through a merged image or by odometry.
 
 A predictor may recognise an image from a merged image but from no node, because the node is farther away. Where two
 consecutive images show nothing in common, as in front of a bare wall, the robot still drove from one to the other, and
@@ -7,7 +7,6 @@ odometry is accurate over such a short way. All bridges are ours. Owns which ima
 
 import itertools
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +19,6 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
-_LEAST_REACHABILITY = 0.6
-"""Least r of a bridge between two images; below R_c, because no other edge joins the image."""
 REACH = 30
 """Number of images before and after that are compared first."""
 _BESIDE = 4
@@ -55,14 +52,13 @@ class BridgeSearch:
         loop_closures: LoopClosureVerifier,
         thresholds: OperatorThresholds,
     ) -> None:
-        """Join images that are connectable by `thresholds`, but for a lower r."""
+        """Join images that are connectable by `thresholds`, the thresholds of the last pass."""
         self._frames = sorted(seen.step for seen in observations)
         self._row = {frame: row for row, frame in enumerate(self._frames)}
         self._matcher = matcher
         self._odometry_gate = odometry_gate
         self._loop_closures = loop_closures
-        self.thresholds = replace(thresholds, connect_reachability=_LEAST_REACHABILITY)
-        """The thresholds of bridges."""
+        self._thresholds = thresholds
         self._asked: dict[FrameId, NDArray[np.intp]] = {}
         """For each image the rows of the few beside it that it was compared with while both were left over."""
         self._is_judged = np.zeros(len(self._frames), bool)
@@ -110,7 +106,7 @@ class BridgeSearch:
         gaps = np.stack([self._driven[rows] - driven[after], driven[after + 1] - self._driven[rows]])
         nearest = gaps.min(axis=0)
         for k in np.lexsort((rows, nearest)):
-            if nearest[k] >= _MOST_HOPS * self.thresholds.connect_distance:
+            if nearest[k] >= _MOST_HOPS * self._thresholds.connect_distance:
                 return
             yield int(rows[k]), -1 if gaps[0, k] <= gaps[1, k] else 1
 
@@ -132,10 +128,10 @@ class BridgeSearch:
         while 0 <= row < len(self._frames):
             other = self._frames[row]
             driven = self._odometry_gate.driven(frame, other)
-            if driven is None or distance(driven) >= self.thresholds.connect_distance:
+            if driven is None or distance(driven) >= self._thresholds.connect_distance:
                 return
             # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
-            yield Bridge(frame, Matches.of_one(other, self.thresholds.connect_reachability, driven), by_odometry=True)
+            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)
             if not left[row]:
                 return
             row += step
@@ -154,5 +150,5 @@ class BridgeSearch:
             return None
         found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
         found = found.take(self._odometry_gate.plausible(frame, found))
-        found = self._loop_closures.connections(frame, found, self.thresholds)
+        found = self._loop_closures.connections(frame, found, self._thresholds)
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None

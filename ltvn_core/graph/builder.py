@@ -5,6 +5,7 @@ two operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from enum import IntEnum, auto
 
 import numpy as np
@@ -39,6 +40,10 @@ from ltvn_core.graph.trajectory import odometry_of, usable_trajectory
 from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
+SECOND_PASS_REACHABILITY = 0.6
+"""Least r of an edge of an image left over after Algorithm 1: below R_c, because no other edge joins the image."""
+_SECOND_PASS_EDGES = 2
+"""Maximum number of edges of such an image, the most reachable ones first."""
 _NEAR_IN_TIME = 12
 _ENCODED_AT_ONCE = 64
 _AHEAD = 512
@@ -134,8 +139,10 @@ class _Stage(IntEnum):
 
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
+    SECOND = auto()
+    """It may also be connected at the lower threshold of r."""
     BRIDGES = auto()
-    """It may also be connected with a node of a lower r, or with a merged image, which then becomes a node."""
+    """It may also be connected with merged images, which then become nodes."""
 
 
 class _BuildRun:
@@ -160,7 +167,8 @@ class _BuildRun:
         self._odometry_gate = odometry_gate
         self._method = method
         self._thresholds = OperatorThresholds.building(method.building)
-        self._bridges = BridgeSearch(observations, matcher, odometry_gate, loop_closures, self._thresholds)
+        self._second_pass_thresholds = replace(self._thresholds, connect_reachability=SECOND_PASS_REACHABILITY)
+        self._bridges = BridgeSearch(observations, matcher, odometry_gate, loop_closures, self._second_pass_thresholds)
         self._goals = set(goals)
         self._deltas: list[GraphDelta] = []
         self.nodes: dict[FrameId, None] = {}
@@ -189,7 +197,8 @@ class _BuildRun:
         return (*self._deltas, *reserved)
 
     def run(self, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
-        """Pass over the images until a pass adds nothing, then with bridges; then start another piece.
+        """Pass over the images until a pass adds nothing, then with the lower threshold of r, then with bridges; then
+        start another piece.
 
         An image that cannot be joined cuts off all images behind it. With a single start, chance would decide whether
         the map is the largest piece of the drive or a small one.
@@ -244,7 +253,7 @@ class _BuildRun:
         self._grow(_Stage.FIRST, rng, progress)
         if not self._method.building.bridges:
             return
-        self._waiting[_Stage.BRIDGES - 1, self._left] = True
+        self._grow(_Stage.SECOND, rng, progress)
         self._grow(_Stage.BRIDGES, rng, progress)
         while chain := self._bridges_by_odometry():
             for bridge in chain:
@@ -320,14 +329,16 @@ class _BuildRun:
         """Connect an image with the nodes that it recognised; tell whether that succeeded."""
         seen = self._images[row]
         known = self._known[seen.step]
-        thresholds = self._thresholds if stage is _Stage.FIRST else self._bridges.thresholds
+        thresholds = self._thresholds if stage is _Stage.FIRST else self._second_pass_thresholds
+        self._waiting[_Stage.SECOND - 1, row] = stage is _Stage.FIRST
         near = connectable(known, thresholds)
         if not near.any():
             return False
         trusted = self._loop_closures.supported(seen.step, known.take(near), thresholds)
         chosen = trusted.take(connectable(trusted, thresholds))
-        if len(chosen) and stage is _Stage.BRIDGES:
-            chosen = chosen.take(np.array([chosen.reachability.argmax()]))
+        if stage is not _Stage.FIRST:
+            best = np.argsort(-chosen.reachability, kind="stable")
+            chosen = chosen.take(best[:_SECOND_PASS_EDGES])
         if len(chosen):
             self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
             return True
@@ -363,7 +374,7 @@ class _BuildRun:
         yield self._matcher.promising(frame, ordered[_NEAR_IN_TIME:])
 
     def _remember(self, frame: FrameId, found: Matches) -> None:
-        found = found.take(connectable(found, self._bridges.thresholds))
+        found = found.take(connectable(found, self._second_pass_thresholds))
         self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
 
     def _merge(self, frame: FrameId, merging: Matches) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.geometry import relative
-from ltvn_core.graph.builder import build
+from ltvn_core.graph.builder import SECOND_PASS_REACHABILITY, build
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
@@ -76,7 +76,7 @@ def test_where_images_in_a_row_share_nothing_odometry_joins_them() -> None:
     (edge,) = across
     poses = {seen.step: seen.odometry for seen in images}
     assert np.allclose(graph.edges[edge].waypoint, relative(poses[edge[0]], poses[edge[1]]))
-    assert graph.edges[edge].belief.p < ROBUST.building.connect_reachability
+    assert graph.edges[edge].belief.p <= SECOND_PASS_REACHABILITY
     assert count_strongly_connected_components(graph) == 1
     sides = {frame < gap for frame in built(images, gap_predictor(gap), PAPER).nodes}
     assert len(sides) == 1

@@ -7,6 +7,7 @@ import pytest
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import distance
+from ltvn_core.graph.builder import SECOND_PASS_REACHABILITY
 from ltvn_core.network.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
@@ -49,7 +50,7 @@ def test_screening_passes_nearly_all_pairs_that_could_become_edges_and_few_other
     features, answers = compared_in_full()
     passed = [predictor.may_match(features[source : source + 1], features) for source in answers]
     connectable = [
-        (found.reachability > 0.6) & (distance(found.waypoints) < building.connect_distance)
+        (found.reachability > SECOND_PASS_REACHABILITY) & (distance(found.waypoints) < building.connect_distance)
         for found in answers.values()
     ]
     assert np.mean(passed) < 0.5

@@ -40,8 +40,8 @@ class BuildingConfig:
     connect_reachability: float = 0.8
     """R_c: least r for an edge (ours; the paper does not specify it)."""
     bridges: bool = True
-    """Connect images left over after Algorithm 1 to less reachable nodes, else to merged images, which become nodes. The
-    rest are connected to the next image of the drive by odometry, and goals over several images (ours)."""
+    """Connect images left over after Algorithm 1 to less reachable nodes, else to merged images, which become nodes;
+    connect the rest to the next image of the drive by odometry, and goals over several images (ours)."""
     odometry_drift: float = 0.04
     """Drift of odometry in metres per metre driven; an edge that contradicts odometry by more is rejected; 0 = off
     (ours)."""

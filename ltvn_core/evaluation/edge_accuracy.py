@@ -3,7 +3,7 @@
 `ground_truth` decides which edges are drivable, and has the calibration of a whole map at one time.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,9 +27,9 @@ from ltvn_core.types import NodeId, Pose, Waypoint
 
 DETOUR_RATIO = 3.0
 """Ratio of the path through the map to the straight line above which an edge is missing (ours)."""
-LEADS_ELSEWHERE_M = 0.5
-LEADS_ELSEWHERE_RAD = float(np.deg2rad(20))
-"""Errors of a waypoint, in metres and radians, beyond which its edge leads elsewhere (ours)."""
+MISPLACED_M = 0.5
+MISPLACED_RAD = float(np.deg2rad(20))
+"""Errors of a pose, in metres and radians, beyond which an edge leads elsewhere or an image is lost (ours)."""
 _SEARCHES_PER_CALL = 256
 """Number of source nodes per call of the shortest-path search, which limits its memory."""
 
@@ -86,19 +86,19 @@ def edge_accuracy(
     )
 
 
-def waypoint_errors(edges: Collection[Edge], pose_of: Callable[[NodeId], Pose]) -> Waypoint:
-    """Return the true poses (E, 3) of the ends of edges of any length, seen from where their waypoints say.
+def waypoint_errors(edges: Collection[Edge], poses: Mapping[NodeId, Pose]) -> Waypoint:
+    """Return the true poses (E, 3) of the ends of edges, seen from where their waypoints say.
 
-    `pose_of` returns the true pose (3,) of a node.
+    `poses` has the true pose (3,) of each node.
     """
-    rows = [(edge.waypoint, relative(pose_of(edge.source), pose_of(edge.target))) for edge in edges]
+    rows = [(edge.waypoint, relative(poses[edge.source], poses[edge.target])) for edge in edges]
     claimed, truly = np.array(rows, float).reshape(-1, 2, 3).swapaxes(0, 1)
     return relative(claimed, truly)
 
 
-def leads_elsewhere(errors: Waypoint) -> NDArray[np.bool_]:
-    """Return which edges (E,) lead elsewhere by their `waypoint_errors` (E, 3)."""
-    return (np.hypot(errors[:, 0], errors[:, 1]) > LEADS_ELSEWHERE_M) | (np.abs(errors[:, 2]) > LEADS_ELSEWHERE_RAD)
+def misplaced(errors: Waypoint) -> NDArray[np.bool_]:
+    """Return which of N errors (N, 3) of poses are too large."""
+    return (np.hypot(errors[:, 0], errors[:, 1]) > MISPLACED_M) | (np.abs(errors[:, 2]) > MISPLACED_RAD)
 
 
 def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Iterator[MissingEdge]:

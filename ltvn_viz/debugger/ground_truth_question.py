@@ -15,14 +15,14 @@ from ltvn_core import palette
 from ltvn_core.analysis.answer import CalibrationChart, Key, Strong
 from ltvn_core.errors import MapError, SceneError
 from ltvn_core.evaluation.edge_accuracy import (
-    LEADS_ELSEWHERE_M,
-    LEADS_ELSEWHERE_RAD,
+    MISPLACED_M,
+    MISPLACED_RAD,
     AttemptCalibration,
     MissingEdge,
     attempt_calibration,
     calibration_attempts,
     edge_accuracy,
-    leads_elsewhere,
+    misplaced,
     waypoint_errors,
 )
 from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
@@ -126,10 +126,10 @@ def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Se
     if not edges:
         builder.add_line("No edge of the map joins two images whose true poses are known.")
         return builder.build()
-    errors = waypoint_errors(edges, poses.__getitem__)
+    errors = waypoint_errors(edges, poses)
     away_m, turned_deg = np.hypot(errors[:, 0], errors[:, 1]), np.degrees(np.abs(errors[:, 2]))
-    wrong = sorted(np.flatnonzero(leads_elsewhere(errors)).tolist(), key=lambda row: -away_m[row])
-    limits = f"more than {LEADS_ELSEWHERE_M} m or {math.degrees(LEADS_ELSEWHERE_RAD):.0f}°"
+    wrong = sorted(np.flatnonzero(misplaced(errors)).tolist(), key=lambda row: -away_m[row])
+    limits = f"more than {MISPLACED_M} m or {math.degrees(MISPLACED_RAD):.0f}°"
     builder.add_line(Key(palette.EDGE_REMOVED, f"lead elsewhere, by {limits}: {len(wrong)} of {len(edges)} edges"))
     builder.add_line(
         *("The waypoints are wrong by ", Strong(f"{np.median(away_m):.2f} m"), " in the median and by "),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.analysis.localisation_confidence import PerceptualAlias, find_perceptual_aliases
-from ltvn_core.evaluation.edge_accuracy import leads_elsewhere, waypoint_errors
+from ltvn_core.evaluation.edge_accuracy import misplaced, waypoint_errors
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
@@ -104,14 +104,13 @@ def build_judged_map(
 
 def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy:
     """Return the figures of a map; `progress` is called with the numbers of localised and all images."""
-    known = built.views is not None
+    views = built.views
+    known = views is not None
     pieces = strongly_connected_components(built.map.graph)
     near = built.map.system.method.building.connect_distance
-    groups = None if built.views is None else _true_pieces(built.views, near)
-    errors = np.empty((0, 3))
-    if built.views is not None:
-        true_poses = built.views.poses
-        errors = waypoint_errors(built.map.graph.driven_edges.values(), lambda node: true_poses[built.row_of[node]])
+    groups = None if views is None else _true_pieces(views, near)
+    edges = () if views is None else built.map.graph.driven_edges.values()
+    errors = waypoint_errors(edges, {} if views is None else dict(zip(built.row_of, views.poses, strict=True)))
     off_m = np.hypot(errors[:, 0], errors[:, 1])
     return MapAccuracy(
         frames=len(built.observations),
@@ -120,7 +119,7 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=int(leads_elsewhere(errors).sum()) if known else None,
+        false_edges=int(misplaced(errors).sum()) if known else None,
         edge_error_median_m=or_none(quantile(off_m, 0.5)),
         edge_error_p90_m=or_none(quantile(off_m, 0.9)),
         perceptual_aliases=len(true_aliases(built)) if known else None,
@@ -134,17 +133,17 @@ def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
     keyframes = KeyframeStore(built.map.predictor)
     # The search rejects pairs that contradict odometry; here true poses replace odometry.
     keyframes.add([replace(seen, odometry=poses[seen.step]) for seen in built.observations], built.features)
-    graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
+    moved = [
+        replace(delta, node=replace(delta.node, odometry=pose_row(poses[delta.node.id])))
+        if isinstance(delta, NodeAdded)
+        else delta
+        for delta in built.deltas
+    ]
+    graph = TopologicalGraph(moved)
     method = built.map.system.method
     found = find_perceptual_aliases(graph, Matcher(built.map.predictor, keyframes, method.matching), method)
     rows = built.row_of
     return tuple(pair for pair in found if LIMITS.far(built.views.move(rows[pair.first], rows[pair.second])))
-
-
-def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelta:
-    if not isinstance(delta, NodeAdded):
-        return delta
-    return replace(delta, node=replace(delta.node, odometry=pose_row(poses[delta.node.id])))
 
 
 def _true_pieces(views: TrueViews, connect_distance: float) -> NDArray[np.intp]:
@@ -172,11 +171,6 @@ def _share_in(
         progress(len(frames) - len(asked) + done, len(frames))
     share = recognised / len(asked) if asked else 0.0
     return (sum(node in piece for node in nodes) + share * len(others)) / len(frames)
-
-
-LOCALISED_M = 0.5
-LOCALISED_RAD = float(np.deg2rad(20))
-"""Greatest errors of a correctly localised image: distance in metres and heading in radians."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +246,7 @@ def _summary(looks: list[_Look], views: TrueViews, *, elsewhere: int) -> Localis
     off_m = np.hypot(*errors[:, :2].T)
     off_rad = np.abs(errors[:, 2])
     wrong = np.array([look.is_far for look in looks], bool)
-    right = ~lost & ~wrong & (off_m < LOCALISED_M) & (off_rad < LOCALISED_RAD)
+    right = ~lost & ~wrong & ~misplaced(errors)
     return LocalisationAccuracy(
         looks=len(looks),
         looks_elsewhere=elsewhere,

@@ -27,7 +27,14 @@ from ltvn_core.data.recording.frame_codec import EncodedFrame
 from ltvn_core.data.recording.live_server import LiveServer
 from ltvn_core.data.recording.rrf2.chunk_table import ChunkTable
 from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
-from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, END_KIND, HEADER_BYTES, MESSAGE_HEADER
+from ltvn_core.data.recording.rrf2.layout import (
+    CHUNK_KIND,
+    END_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    STORE_KIND,
+    messages,
+)
 from ltvn_core.data.recording.schema import RowTime
 from ltvn_core.data.recording.stream_lock import STREAM_LOCK
 from ltvn_core.errors import RecordingError
@@ -37,7 +44,6 @@ _INTERRUPTS = tuple(
     for name in ("SIGINT", "SIGTERM", "SIGHUP")
     if hasattr(signal, name)  # Windows has no SIGHUP.
 )
-_STORE_KIND = 1
 _ENCODING_S = 10.0
 """Longest time in seconds for encoding rows; Rerun needs milliseconds, but may need longer if memory is short."""
 _LOG = logging.getLogger(__name__)
@@ -104,37 +110,24 @@ class MessageStream:
             raise RecordingError(f"Rerun could not encode a message of the recording ({error}).") from error
         if not block:
             return ()
-        header = () if self._begun else (block[:HEADER_BYTES],)
+        taken = [] if self._begun else [block[:HEADER_BYTES]]
         self._begun = True
-        return [*header, *(message for message in self._messages(block) if self._is_new(message))]
-
-    def _messages(self, block: bytes) -> Sequence[bytes]:
-        """Return the messages in a block from Rerun, which is a small file with header, messages and an end."""
-        position = HEADER_BYTES
-        messages = list[bytes]()
-        chunks = list[int]()
-        footer = b""
-        while position + MESSAGE_HEADER.size <= len(block):
-            kind, length = MESSAGE_HEADER.unpack_from(block, position)
-            payload = position + MESSAGE_HEADER.size
+        chunks, footer = list[int](), b""
+        for kind, begin, end in messages(block):
+            message = block[begin:end]
             if kind == END_KIND:
-                footer = block[payload : payload + length]
+                footer = message[MESSAGE_HEADER.size :]
                 break
             if kind == CHUNK_KIND:
-                chunks.append(payload)
-            messages.append(block[position : payload + length])
-            position = payload + length
+                chunks.append(begin + MESSAGE_HEADER.size)
+            # Rerun repeats the description of a store, which is written once.
+            elif kind == STORE_KIND:
+                if message in self._stores:
+                    continue
+                self._stores.add(message)
+            taken.append(message)
         self._table.add(footer, chunks)
-        return messages
-
-    def _is_new(self, message: bytes) -> bool:
-        """Tell whether a message belongs in the file; Rerun repeats the description of a store, which is written
-        once."""
-        if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
-            return True
-        known = message in self._stores
-        self._stores.add(message)
-        return not known
+        return taken
 
 
 class DurableStream:

@@ -17,9 +17,8 @@ import numpy as np
 import pyarrow as pa
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.rrf2.chunk_message import read_chunk, recording_id
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
-from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, MessageSum
+from ltvn_core.data.recording.rrf2.layout import HEADER_BYTES, MESSAGE_HEADER, MessageSum, read_chunk, recording_id
 from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
 

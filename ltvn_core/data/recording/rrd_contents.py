@@ -24,8 +24,9 @@ from ltvn_core.data.recording.indexed_rows import indexed_batches
 from ltvn_core.data.recording.mapped_batches import MappedBatches
 from ltvn_core.data.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.data.recording.reading_trial import reading_failure
-from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
-from ltvn_core.data.recording.rrf2.framing import is_finished, is_rrd
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.data.recording.rrf2.file_check import FileCheck, check_file
+from ltvn_core.data.recording.rrf2.layout import FILE_MAGIC
 from ltvn_core.data.recording.rrf2.row_index import RowIndex
 from ltvn_core.errors import RecordingError
 
@@ -124,7 +125,8 @@ def require_rrd(path: Path) -> None:
     """Raise RecordingError if `path` is not a Rerun file."""
     require_file(path)
     try:
-        genuine = is_rrd(path)
+        with path.open("rb") as file:
+            genuine = file.read(len(FILE_MAGIC)) == FILE_MAGIC
     except OSError as error:
         raise unreadable(path, error) from error
     if not genuine:
@@ -154,16 +156,13 @@ def require_whole(path: Path) -> FileCheck:
         found = check_file(path)
     except OSError as error:
         raise unreadable(path, error) from error
-    if found.framing.finished and found.damage is None:
+    if found.finished and found.damage is None:
         return found
-    size = path.stat().st_size
-    whole_bytes = found.framing.whole_bytes
     if found.damage is not None:
         what = f"was damaged since it was written: {found.damage}"
-    elif is_finished(path):
-        what = f"was damaged since it was written: no valid message follows byte {whole_bytes} of {size}"
     else:
-        what = f"is cut off or was never finished: {whole_bytes} of its {size} bytes are undamaged"
+        size = path.stat().st_size
+        what = f"is cut off or was never finished: {found.whole_bytes} of its {size} bytes are undamaged"
     raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to recover all undamaged frames.")
 
 

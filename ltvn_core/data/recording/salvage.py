@@ -30,17 +30,20 @@ from ltvn_core.data.recording.rrd_contents import (
     several_recordings,
     unreadable,
 )
-from ltvn_core.data.recording.rrf2.chunk_message import ChunkMessage, read_chunk, recording_id
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, last_closing_record
-from ltvn_core.data.recording.rrf2.framing import (
+from ltvn_core.data.recording.rrf2.layout import (
     CHUNK_KIND,
     END_KIND,
     FILE_MAGIC,
     HEADER_BYTES,
     MESSAGE_HEADER,
+    RECORDING_STORE,
     TAIL_BYTES,
+    ChunkMessage,
     MessageSum,
     Tail,
+    read_chunk,
+    recording_id,
 )
 from ltvn_core.data.recording.stored_rows import believable, damaged_first
 from ltvn_core.errors import RecordingError
@@ -49,8 +52,6 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
 """Pattern of a header: a known kind, a length below a terabyte, and the byte with which content begins."""
-_RECORDING_STORE = b"\x08\x01"
-"""Beginning of the key of a recording's store; that of the viewer's layout differs."""
 _EVENTS = f"/{schema.EVENTS}"
 
 
@@ -105,7 +106,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     sure = {key: store for key, store in stores.items() if len(store.places) > 1} or dict(stores)
     lost += [place for key, store in stores.items() if key not in sure for place in store.places]
     recordings = {
-        id_: store for key, store in sure.items() if key.startswith(_RECORDING_STORE) and (id_ := _id_of(key, path))
+        id_: store for key, store in sure.items() if key.startswith(RECORDING_STORE) and (id_ := _id_of(key, path))
     }
     chosen = _chosen(path, recordings, recording_id)
     store = recordings[chosen]

@@ -39,7 +39,7 @@ from ltvn_core.cache_folder import cache_folder
 from ltvn_core.data.recording.live_server import is_own_host, port_of
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import require_rrd
-from ltvn_core.data.recording.rrf2.closing_record import check_file
+from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.errors import RecordingError, ServerError
 from ltvn_core.navigation.events import QueryEnded
 from ltvn_core.terminal_text import count_text
@@ -283,7 +283,7 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         path = Path(path)
         require_rrd(path)
         found = check_file(path)
-        if not found.framing.finished:
+        if not found.finished:
             _LOG.warning("%s is cut off or unfinished; the viewer shows the undamaged part.", path)
         elif found.damage is not None:
             _LOG.warning(

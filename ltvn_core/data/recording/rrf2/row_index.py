@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.rrf2.arrow_tables import read_table
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
-from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MessageSum
+from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND, MessageSum
 from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 from ltvn_core.types import FrameId, Pose
 

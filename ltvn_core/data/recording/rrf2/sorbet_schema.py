@@ -12,9 +12,8 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.rrf2.framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
+from ltvn_core.data.recording.rrf2.layout import MESSAGE_HEADER, messages, read_manifests
 from ltvn_core.data.recording.stream_lock import STREAM_LOCK
-from ltvn_core.protobuf_fields import bytes_fields
 
 _KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantically_empty"
 _TIMEOUT_S = 10.0
@@ -52,8 +51,9 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
     rerun.disconnect()
     if not block:
         raise RuntimeError("Rerun did not encode the examples")
-    parts = bytes_fields(bytes_fields(_end_payload(block))[1])
-    return SorbetSchema(bytes_fields(parts[2])[1], parts[3])
+    *_, (_, begin, end) = messages(block)
+    (manifest,) = read_manifests(block[begin + MESSAGE_HEADER.size : end])
+    return SorbetSchema(manifest.schema, manifest.schema_sha256)
 
 
 def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
@@ -94,16 +94,6 @@ def _zero(kind: pa.DataType) -> pa.Array:
     if pa.types.is_union(kind) or pa.types.is_null(kind):
         return pa.nulls(1, kind)
     return pa.array([0]).cast(kind)
-
-
-def _end_payload(block: bytes) -> bytes:
-    position = HEADER_BYTES
-    while True:
-        kind, length = MESSAGE_HEADER.unpack_from(block, position)
-        position += MESSAGE_HEADER.size
-        if kind == END_KIND:
-            return block[position : position + length]
-        position += length
 
 
 def _metadata(field: pa.Field) -> dict[bytes, bytes]:

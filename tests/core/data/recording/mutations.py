@@ -15,7 +15,8 @@ import numpy as np
 from ltvn_core.data.recording import rrd_contents, schema
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, walk_messages
+from ltvn_core.data.recording.rrf2.file_check import walk_messages
+from ltvn_core.data.recording.rrf2.layout import HEADER_BYTES, MESSAGE_HEADER
 from ltvn_core.errors import LtvnError
 from tests.repository import ROOT
 

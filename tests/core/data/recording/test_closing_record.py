@@ -9,7 +9,8 @@ import rerun.chunk
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes, last_closing_record
+from ltvn_core.data.recording.rrf2.closing_record import closing_bytes, last_closing_record
+from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.errors import RecordingError
 from tests.core.data.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
@@ -19,7 +20,7 @@ from tools.redraw import redraw
 def test_a_finished_recording_counts_its_rows_and_messages(whole: Path) -> None:
     found = check_file(whole)
     assert found.record is not None
-    assert len(found.record.messages) == found.framing.messages
+    assert found.whole_bytes == found.record.messages_end
     assert found.record.rows[schema.RGB] == found.record.rows[schema.DEPTH] == 10
     assert found.record.rows[schema.EVENTS] == len(example_recording.events())
     assert verify(whole).checksummed
@@ -33,7 +34,7 @@ def test_every_changed_byte_is_found_before_the_file_is_read(whole: Path, tmp_pa
         damaged[place] ^= 1 << place % 8
         changed.write_bytes(damaged)
         found = check_file(changed)
-        assert found.damage is not None or not found.framing.finished, place
+        assert found.damage is not None or not found.finished, place
     with pytest.raises(RecordingError, match="ltvn repair"):
         Recording.open(changed)
 
@@ -44,7 +45,7 @@ def test_bytes_added_or_taken_away_anywhere_are_found(whole: Path, tmp_path: Pat
         for damaged in (data[:place] + b"\0" + data[place:], data[:place] + data[place + 1 :]):
             changed.write_bytes(damaged)
             found = check_file(changed)
-            assert found.damage is not None or not found.framing.finished, place
+            assert found.damage is not None or not found.finished, place
 
 
 def test_rerun_reads_a_recording_with_a_closing_record(whole: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.closing_record import check_file
-from ltvn_core.data.recording.rrf2.framing import END_KIND, HEADER_BYTES
+from ltvn_core.data.recording.rrf2.file_check import check_file
+from ltvn_core.data.recording.rrf2.layout import END_KIND, HEADER_BYTES
 from ltvn_core.data.recording.salvage import open_salvage
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
@@ -73,7 +73,7 @@ def test_a_wrong_length_in_an_older_recording_is_noticed_and_costs_nothing(damag
     data = GOLDEN_RECORDING.read_bytes()
     for number, (begin, _) in enumerate(messages(data)):
         damaged.write_bytes(flipped(data, begin + 8 + number % 8, number * 3 % 8))
-        assert not check_file(damaged).framing.finished
+        assert not check_file(damaged).finished
     with pytest.raises(RecordingError, match="damaged"):
         verify(damaged)
     assert repair(damaged, repaired).frames == 10

@@ -13,7 +13,7 @@ import pytest
 
 from ltvn_core.data.recording.live_server import live_address, port_of
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.framing import is_finished
+from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.data.recording.viewer_server import open_here, serve_viewer
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import OptionError, RecordingError, ServerError
@@ -52,7 +52,7 @@ def test_what_is_streamed_is_a_whole_recording_too_and_the_next_one_takes_the_sa
             writer.write_event(StampedEvent(1, 0.1, Note(name)))
             listening = [c for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
             assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
-        assert is_finished(tmp_path / name)
+        assert check_file(tmp_path / name).finished
         assert [stamped.event for stamped in Recording.open(tmp_path / name).events] == [Note(name)]
 
 

@@ -9,15 +9,8 @@ import pytest
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.data.recording.integrity import RepairedRecording, repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.framing import (
-    CHUNK_KIND,
-    END_KIND,
-    HEADER_BYTES,
-    MESSAGE_HEADER,
-    TAIL_BYTES,
-    Tail,
-    walk_messages,
-)
+from ltvn_core.data.recording.rrf2.file_check import walk_messages
+from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND, END_KIND, HEADER_BYTES, MESSAGE_HEADER, TAIL_BYTES, Tail
 from ltvn_core.errors import RecordingError
 from tests.core.data.recording import example_recording
 from tests.repository import GOLDEN_RECORDING

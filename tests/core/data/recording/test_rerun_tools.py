@@ -18,12 +18,18 @@ from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import joined_rows, read_store
 from ltvn_core.data.recording.rrf2 import chunk_table
-from ltvn_core.data.recording.rrf2.closing_record import check_file
-from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, HEADER_BYTES, MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.data.recording.rrf2.file_check import check_file
+from ltvn_core.data.recording.rrf2.layout import (
+    CHUNK_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    TAIL_BYTES,
+    Tail,
+    read_manifests,
+)
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import Note, StampedEvent
-from ltvn_core.protobuf_fields import bytes_fields, read_fields
 from tests.core.data.recording import example_recording
 
 TOOLS: dict[str, Callable[[Path, Path], list[str]]] = {
@@ -69,10 +75,8 @@ def manifests(path: Path) -> dict[bytes, tuple[bytes, pa.Table]]:
     assert tail is not None
     footer = data[tail.footer_start : tail.footer_start + tail.footer_bytes]
     found = {}
-    for _, manifest in read_fields(footer):
-        assert isinstance(manifest, bytes)
-        parts = bytes_fields(manifest)
-        found[parts[1]] = parts[3], pa.Table.from_batches([chunk_table._read_batch(parts[4])])
+    for manifest in read_manifests(footer):
+        found[manifest.store] = manifest.schema_sha256, pa.Table.from_batches([manifest.chunks])
     return found
 
 
@@ -220,7 +224,7 @@ def test_a_recording_without_any_other_timeline_reads_as_before(whole: Path, tmp
 def test_what_is_whole_of_a_damaged_rewritten_recording_comes_back(whole: Path, tmp_path: Path) -> None:
     rewritten, damaged = tmp_path / "rewritten.rrd", tmp_path / "damaged.rrd"
     rerun(*TOOLS["small chunks"](whole, rewritten))
-    data, messages_end = rewritten.read_bytes(), check_file(rewritten).framing.whole_bytes
+    data, messages_end = rewritten.read_bytes(), check_file(rewritten).whole_bytes
     flipped = bytearray(data)
     flipped[messages_end + 5_000] ^= 4
     places = {"table": bytes(flipped), "end": data[:messages_end], "tail": data[:-20]}

@@ -15,8 +15,9 @@ from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import open_contents
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
-from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes
-from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND
+from ltvn_core.data.recording.rrf2.closing_record import closing_bytes
+from ltvn_core.data.recording.rrf2.file_check import check_file
+from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND
 from ltvn_core.data.recording.rrf2.row_index import (
     FrameList,
     FrameTable,

@@ -16,7 +16,7 @@ from ltvn_core.data.recording.drawn_poses import FloorExtent
 from ltvn_core.data.recording.excerpt import write_excerpt
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrf2.closing_record import check_file
+from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.data.recording.schema import read_cell
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
@@ -172,7 +172,7 @@ def test_own_rows_come_back_from_a_cut_recording_and_travel_with_an_excerpt(tmp_
             writer.log("score", float(step))
         writer.log("world/landmarks", rr.Points3D([[1.0, 2.0, 0.0]]))
     verify(path)
-    cut.write_bytes(path.read_bytes()[: check_file(path).framing.whole_bytes])
+    cut.write_bytes(path.read_bytes()[: check_file(path).whole_bytes])
     repair(cut, tmp_path / "mended.rrd")
     write_excerpt(Recording.open(path), tmp_path / "excerpt.rrd", from_s=0.5, to_s=0.9)
     for name, steps in (("own", range(20)), ("mended", range(20)), ("excerpt", range(5, 10))):

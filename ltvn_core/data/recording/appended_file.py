@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from ltvn_core.atomic_files import open_new_file
+from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
 from ltvn_core.errors import RecordingStoppedError, remedy
 
 _LOG = logging.getLogger(__name__)
@@ -108,21 +108,6 @@ def _same_file(one: os.stat_result, other: os.stat_result) -> bool:
     return (one.st_dev, one.st_ino) == (other.st_dev, other.st_ino)
 
 
-class FileEnding(Protocol):
-    """Encodes the ending of a file from the blocks that it contains."""
-
-    def count(self, block: bytes) -> None:
-        """Register a block that was written to the file."""
-        ...
-
-    def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
-        """Return the bytes to write after the last block; `complete` means that all blocks are in the file.
-
-        A short ending leaves out the optional parts.
-        """
-        ...
-
-
 class AppendedFile:
     """A new file that only its owner may read, and the thread that writes it.
 
@@ -130,7 +115,7 @@ class AppendedFile:
     raised: `failure` gives the reason why writing stopped, and the file keeps all complete batches.
     """
 
-    def __init__(self, path: Path, *, min_free_bytes: int, ending: FileEnding) -> None:
+    def __init__(self, path: Path, *, min_free_bytes: int, ending: RecordingEnding) -> None:
         """Create the file; it fails if its disk has less than `min_free_bytes` left."""
         self.path = path
         self.failure: WritingFailure | None = None

@@ -153,13 +153,6 @@ def _strip(entity: str, frames: Sequence[FrameId], drawn_poses: DrawnPoses, colo
     return DrawnEntity(entity, [rr.LineStrips3D([points] if len(points) > 1 else [], radii=0.03, colors=[colour])])
 
 
-class TimedDrawing(NamedTuple):
-    """A row for the viewer and its place on the timelines."""
-
-    time: RowTime
-    drawn: DrawnEntity
-
-
 class _Change(NamedTuple):
     edge: EdgeKey
     before: Belief | None
@@ -182,7 +175,7 @@ class BeliefDrawing:
         """The edges of the current plan and the most recently changed ones, each once."""
         return list(dict.fromkeys((*self._plan[:PLANNED_EDGES], *reversed(self._changed))))
 
-    def draw(self, event: ev.Event, time: RowTime) -> Iterator[TimedDrawing]:
+    def draw(self, event: ev.Event, time: RowTime) -> Iterator[DrawnEntity]:
         """Yield the rows that an event adds to the curves and the table."""
         match event:
             case ev.QueryStarted():
@@ -205,7 +198,7 @@ class BeliefDrawing:
             case _:
                 pass
 
-    def _change(self, edge: EdgeKey, after: Belief | None, time: RowTime) -> Iterator[TimedDrawing]:
+    def _change(self, edge: EdgeKey, after: Belief | None, time: RowTime) -> Iterator[DrawnEntity]:
         yield from self._begin_curve(edge)
         before = self._newest[edge][1] if edge in self._newest else None
         if after is None:
@@ -219,7 +212,7 @@ class BeliefDrawing:
         yield from _points(edge, time, after or Belief(0.0, math.nan, math.nan))
         yield self._table(time)
 
-    def _begin_curve(self, edge: EdgeKey) -> Iterator[TimedDrawing]:
+    def _begin_curve(self, edge: EdgeKey) -> Iterator[DrawnEntity]:
         """Yield the first point of an edge's curves, unless they have been started.
 
         Curves have no styles of their own, because each style would add a kilobyte to Rerun's table of chunks.
@@ -230,7 +223,7 @@ class BeliefDrawing:
         if edge in self._newest:
             yield from _points(edge, *self._newest[edge])
 
-    def _table(self, time: RowTime) -> TimedDrawing:
+    def _table(self, time: RowTime) -> DrawnEntity:
         planned = [f"| {_name(edge)} | {self._belief_cells(edge)} |" for edge in self._plan[:PLANNED_EDGES]]
         left_out = len(self._plan) - len(planned)
         changed = [_changed_row(change) for change in reversed(self._changed.values())]
@@ -241,7 +234,7 @@ class BeliefDrawing:
             *_section("Changed last", changed),
         ]
         text = rr.TextDocument("\n".join(lines), media_type=rr.MediaType.MARKDOWN)
-        return TimedDrawing(time, DrawnEntity(schema.BELIEF_TABLE, [text]))
+        return DrawnEntity(schema.BELIEF_TABLE, [text], time)
 
     def _belief_cells(self, edge: EdgeKey) -> str:
         if edge not in self._newest:
@@ -260,10 +253,9 @@ def length_entity(edge: EdgeKey) -> str:
     return f"{schema.LENGTHS}/{edge[0]}_{edge[1]}"
 
 
-def _points(edge: EdgeKey, time: RowTime, belief: Belief) -> Iterator[TimedDrawing]:
-    yield TimedDrawing(time, DrawnEntity(probability_entity(edge), [rr.Scalars(belief.p)]))
-    length = rr.Scalars([belief.mu, math.sqrt(belief.sigma2)])
-    yield TimedDrawing(time, DrawnEntity(length_entity(edge), [length]))
+def _points(edge: EdgeKey, time: RowTime, belief: Belief) -> Iterator[DrawnEntity]:
+    yield DrawnEntity(probability_entity(edge), [rr.Scalars(belief.p)], time)
+    yield DrawnEntity(length_entity(edge), [rr.Scalars([belief.mu, math.sqrt(belief.sigma2)])], time)
 
 
 def _section(title: str, rows: Sequence[str]) -> list[str]:

@@ -20,7 +20,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.drawn_poses import DrawnPoses
 from ltvn_core.data.recording.frame_codec import MILLIMETRES_PER_METRE
-from ltvn_core.data.recording.schema import ArchetypeColumns, number_column
+from ltvn_core.data.recording.schema import ArchetypeColumns, RowTime, number_column
 from ltvn_core.graph.deltas import Edge, FramesReserved, Node, NodeAdded
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as ev
@@ -44,6 +44,8 @@ class DrawnEntity(NamedTuple):
 
     entity: str
     values: Sequence[rr.AsComponents]
+    time: RowTime | None = None
+    """Its place on the timelines; None for that of what is drawn."""
 
 
 def static_entities(camera: CameraModel) -> list[DrawnEntity]:

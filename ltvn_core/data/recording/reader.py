@@ -5,6 +5,7 @@ Does not change the file. Images stay compressed until they are requested.
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +23,6 @@ from ltvn_core.data.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.data.recording.rrd_contents import RrdContents, open_contents
 from ltvn_core.data.recording.rrf2.row_index import FrameTable
-from ltvn_core.data.recording.step_rows import StepRows, wrong_index
 from ltvn_core.data.recording.stored_rows import BatchRow, StoredEvent, frame_of, stored_events
 from ltvn_core.errors import CameraError, RecordingError
 from ltvn_core.garbage_collection import garbage_collection_paused
@@ -70,6 +70,60 @@ class StoredFrame(NamedTuple):
         return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
 
 
+def _wrong_index(what: str) -> RecordingError:
+    """Return the error for an index that differs from the rows of its file."""
+    return RecordingError(
+        f"The recording's index is wrong: {what}. Run `ltvn repair FILE --output NEW.rrd`, which reads without it."
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _StepRows:
+    """The rows of an entity that has at most one valid row for each step."""
+
+    batches: Sequence[pa.RecordBatch]
+    steps: NDArray[np.int64]
+    """Steps (N,), ascending."""
+    numbers: NDArray[np.int64]
+    """Number (N,) of each step's row among the rows of all batches."""
+    starts: NDArray[np.int64]
+    """Number (B + 1,) of the first row of each batch; at the end, the number of rows."""
+
+    @classmethod
+    def of(cls, contents: RrdContents, entity: str) -> Self:
+        """Take the steps of all rows from the index, or else read them; of several rows with the same step, the last
+        one counts."""
+        batches = contents.batches_of(entity)
+        index = contents.row_index
+        chunks = None if index is None else index.chunks.get(f"/{entity}")
+        if index is not None and chunks is not None and chunks.in_order:
+            steps, rows = index.frames.steps, chunks.rows
+            if entity == schema.ORIGINAL:
+                steps = steps[index.frames.has_original]
+        else:
+            batches = [batch for batch in batches if schema.STEP in batch.schema.names]
+            columns = [batch.column(schema.STEP).to_numpy(zero_copy_only=False) for batch in batches]
+            steps, rows = np.concatenate([np.empty(0, np.int64), *columns]), [batch.num_rows for batch in batches]
+        ascending, from_end = np.unique(steps[::-1], return_index=True)
+        return cls(batches, ascending, len(steps) - 1 - from_end, np.cumsum([0, *rows]))
+
+    def row(self, step: FrameId) -> BatchRow | None:
+        """Return the row of a step; None if it has none. Raises RecordingError if the index names another's."""
+        place = int(np.searchsorted(self.steps, step))
+        if place == len(self.steps) or self.steps[place] != step:
+            return None
+        number = int(self.numbers[place])
+        batch = int(np.searchsorted(self.starts, number, "right")) - 1
+        row = BatchRow(self.batches[batch], number - int(self.starts[batch]))
+        if row.step != step:
+            raise _wrong_index(f"at the place of frame {step} is frame {row.step}")
+        return row
+
+    def numbers_of(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the row numbers (N,) of steps (N,) that all have a row."""
+        return self.numbers[np.searchsorted(self.steps, steps)]
+
+
 class Recording:
     """A recording on disk, opened for reading."""
 
@@ -78,9 +132,9 @@ class Recording:
         self.path = path
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents
-        self._rgb = _step_rows(contents, schema.RGB)
-        self._depth = _step_rows(contents, schema.DEPTH)
-        self._originals = _step_rows(contents, schema.ORIGINAL)
+        self._rgb = _StepRows.of(contents, schema.RGB)
+        self._depth = _StepRows.of(contents, schema.DEPTH)
+        self._originals = _StepRows.of(contents, schema.ORIGINAL)
         # A truncated file may end between the two halves of a frame; only complete frames count.
         self._steps = np.intersect1d(self._rgb.steps, self._depth.steps, assume_unique=True)
 
@@ -139,7 +193,7 @@ class Recording:
         known = (poses.stamps[row], *poses.odometry[row], *(() if poses.exact is None else poses.exact[row]))
         exact = () if poses.exact is None or own.exact_pose is None else own.exact_pose
         if known != (own.stamp, *own.odometry, *exact):
-            raise wrong_index(f"it has another pose or time of frame {own.step}")
+            raise _wrong_index(f"it has another pose or time of frame {own.step}")
 
     @cached_property
     def poses(self) -> FramePoses:
@@ -217,18 +271,6 @@ class Recording:
 
 def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:
     return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
-
-
-def _step_rows(contents: RrdContents, entity: str) -> StepRows:
-    batches = contents.batches_of(entity)
-    if contents.row_index is None:
-        return StepRows.of([batch for batch in batches if schema.STEP in batch.schema.names])
-    chunks = contents.row_index.chunks.get(f"/{entity}")
-    if chunks is None or not chunks.in_order:
-        return StepRows.of(batches)
-    frames = contents.row_index.frames
-    steps = frames.steps[frames.has_original] if entity == schema.ORIGINAL else frames.steps
-    return StepRows.known(batches, steps, chunks.rows)
 
 
 def _indexed_poses(frames: FrameTable) -> FramePoses:

@@ -176,8 +176,9 @@ def open_contents(path: Path, *, whole: bool = False) -> RrdContents:
         return _indexed_contents(path, found.record, found.row_index)
     if found.record is None and (failure := reading_failure(path)) is not None:
         raise _damaged_inside(path, failure)
-    store = read_store(path)
-    _require_one_recording(path, store)
+    store = joined_store(path, _read_batches(path))
+    if store.other_ids:
+        raise several_recordings(path, [store.recording_id, *store.other_ids])
     # First, because a newer schema may have other columns.
     meta = read_description(path, store)
     for entity, batches in store.rows.items():
@@ -214,35 +215,20 @@ def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
     )
 
 
-def _require_one_recording(path: Path, store: StoreRows) -> None:
-    if store.other_ids:
-        raise several_recordings(path, [store.recording_id, *store.other_ids])
-
-
-def read_store(path: Path) -> StoreRows:
-    """Read all rows of a file that is known not to crash Rerun's reader. Raises RecordingError."""
-    found = _read_batches(path)
-    return joined_store(path, found.recording_id, found.batches)._replace(other_ids=found.other_ids)
-
-
-def joined_store(path: Path, recording_id: str, rows: Mapping[str, Sequence[pa.RecordBatch]]) -> StoreRows:
+def joined_store(path: Path, store: StoreRows) -> StoreRows:
     """Return the rows of a recording, each with all of its columns. Raises RecordingError if they do not match."""
     try:
-        joined = {entity: _joined(entity, each) for entity, each in rows.items()}
+        joined = {entity: _joined(entity, each) for entity, each in store.rows.items()}
     except (pa.ArrowException, TypeError) as error:
         raise _damaged_inside(path, f"its columns do not match ({error})") from error
-    without_steps = {entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)}
-    return StoreRows(recording_id, joined, without_steps=without_steps)
+    without_steps = {
+        entity for entity, each in store.rows.items() if any(_has_no_step(entity, batch) for batch in each)
+    }
+    return store._replace(rows=joined, without_steps=without_steps)
 
 
-class _StoreBatches(NamedTuple):
-    recording_id: str
-    other_ids: Sequence[str]
-    batches: Mapping[str, Sequence[pa.RecordBatch]]
-    """Record batches by entity, in the order of the file."""
-
-
-def _read_batches(path: Path) -> _StoreBatches:
+def _read_batches(path: Path) -> StoreRows:
+    """Read all batches of a file that is known not to crash Rerun's reader. Raises RecordingError."""
     try:
         with warnings.catch_warnings():
             # Unfinished, older and very long files have no table of chunks.
@@ -268,7 +254,7 @@ def _read_batches(path: Path) -> _StoreBatches:
             f"{path} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
         )
     others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
-    return _StoreBatches(stores[0].recording_id, others, rows)
+    return StoreRows(stores[0].recording_id, rows, others)
 
 
 def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:

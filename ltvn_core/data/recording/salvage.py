@@ -111,16 +111,17 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     chosen = _chosen(path, recordings, recording_id)
     store = recordings[chosen]
     found = store.long.take() | store.rows
-    rows = joined_store(path, chosen, {entity: damaged_first(entity, each) for entity, each in found.items()})
+    found = {entity: damaged_first(entity, each) for entity, each in found.items()}
+    rows = joined_store(path, StoreRows(chosen, found))
     rows = rows._replace(rows={entity: damaged_first(entity, each) for entity, each in rows.rows.items()})
-    described = _contents(path, rows, record if store.is_recorded else None)
+    contents, described = _contents(path, rows, record if store.is_recorded else None)
     ended = store.is_recorded or (record is None and _has_table(data))
     record = record if store.is_recorded else None
     cut = {(begin, size) for begin, size in lost if begin + size == len(data) and not ended}
     return Salvage(
-        recording=Recording(path, described.contents),
+        recording=Recording(path, contents),
         record=record,
-        described=described.described,
+        described=described,
         lost_bytes=sum(size for _, size in lost),
         lost_places=sorted({*lost} - cut),
         ended=ended,
@@ -223,26 +224,21 @@ def _chosen(path: Path, recordings: Mapping[str, _Store], recording_id: str | No
     return recording_id or next(iter(recordings))
 
 
-class _Described(NamedTuple):
-    contents: RrdContents
-    described: bool
-
-
-def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _Described:
+def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> tuple[RrdContents, bool]:
+    """Return the usable rows, and whether their description is among them."""
     # Damage may have taken the steps of a few rows, a tool of Rerun those of all.
     require_steps(path, {entity for entity in store.without_steps if not _has_steps(store.rows[entity])})
     rows = {entity: [batch for batch in batches if _is_usable(entity, batch)] for entity, batches in store.rows.items()}
     for place in range(len(rows.get(DESCRIPTION, ())), 0, -1):
         # The last copy is used; a recording has two of them.
         try:
-            described = store._replace(rows={DESCRIPTION: rows[DESCRIPTION][:place]})
-            meta = read_description(path, described)
+            meta = read_description(path, store._replace(rows={DESCRIPTION: rows[DESCRIPTION][:place]}))
         except RecordingError:
             if _has_other_schema(rows[DESCRIPTION][place - 1]):
                 raise
             continue
-        return _Described(RrdContents(meta, rows, record), described=True)
-    return _Described(RrdContents(_stand_in(store.recording_id), rows, record), described=False)
+        return RrdContents(meta, rows, record), True
+    return RrdContents(_stand_in(store.recording_id), rows, record), False
 
 
 def _has_steps(batches: Sequence[pa.RecordBatch]) -> bool:

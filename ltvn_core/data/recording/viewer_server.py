@@ -154,14 +154,10 @@ def viewer_assets() -> ViewerAssets:
         folder.mkdir(parents=True, exist_ok=True)
         with _served_by_rerun() as address:
             for name, path in zip((_SCRIPT, _MODULE), assets, strict=True):
-                _keep(path, _fetched(f"{address}/{name}"))
+                part = path.with_name(f"{path.name}.{os.getpid()}.part")
+                part.write_bytes(gzip.compress(_fetched(f"{address}/{name}"), compresslevel=6))
+                part.replace(path)
     return assets
-
-
-def _keep(path: Path, content: bytes) -> None:
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    part.write_bytes(gzip.compress(content, compresslevel=6))
-    part.replace(path)
 
 
 @contextmanager
@@ -293,7 +289,11 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         _LOG.info("%s", contents.text)
     token = secrets.token_urlsafe(16)
     source = Path(path) if live is None else live
-    server = _bound(port, _responses(source, token, viewer_page(contents)))
+    responses = _responses(source, token, viewer_page(contents))
+    try:
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, responses))
+    except (OSError, OverflowError) as error:
+        raise ServerError(f"Port {port} on 127.0.0.1 cannot be used ({error}); name another, or 0 for any.") from error
     address = f"127.0.0.1:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, name="recording-viewer", daemon=True)
     thread.start()
@@ -333,13 +333,6 @@ def _responses(source: Path | str, token: str, page: str) -> Mapping[str, _Respo
         f"/{token}/re_viewer_bg.wasm": _Response("application/wasm", assets.module, gzipped=True),
         f"/{token}/recording.rrd": _Response("application/octet-stream", source),
     }
-
-
-def _bound(port: int, responses: Mapping[str, _Response]) -> http.server.ThreadingHTTPServer:
-    try:
-        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, responses))
-    except (OSError, OverflowError) as error:
-        raise ServerError(f"Port {port} on 127.0.0.1 cannot be used ({error}); name another, or 0 for any.") from error
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):

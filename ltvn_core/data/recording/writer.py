@@ -159,8 +159,7 @@ class RecordingWriter:
             self._stream.log(time, schema.EVENTS, _event_row(encoded))
             self._draw(time, event_drawing.draw_event(stamped.event, self._drawn_poses))
             self._draw(time, self._node_images.draw(stamped.event))
-            for each in self._beliefs.draw(stamped.event, time):
-                self._draw(each.time, [each.drawn])
+            self._draw(time, self._beliefs.draw(stamped.event, time))
 
     def log(
         self, entity: str, *values: rr.AsComponents | float, step: FrameId | None = None, stamp: float | None = None
@@ -258,7 +257,7 @@ class RecordingWriter:
 
     def _draw(self, time: RowTime, parts: Iterable[DrawnEntity]) -> None:
         for part in parts:
-            self._stream.log(time, part.entity, *part.values)
+            self._stream.log(part.time or time, part.entity, *part.values)
 
 
 class _DrawSchedule:

@@ -24,7 +24,7 @@ assembled.
 A larger recording gets no table. The limit is about an hour of driving: 65,000 chunks and 354 columns take about 3 s on
 one core and 370 MB.
 """
-_GROUP = 64
+_GROUP = 16
 """Number of blocks whose tables are packed together."""
 _CODEC = pa.Codec("zstd")
 _ENTITY, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_byte_offset", "chunk_byte_size"

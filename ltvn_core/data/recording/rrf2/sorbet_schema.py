@@ -28,15 +28,6 @@ class SorbetSchema(NamedTuple):
     """Message with Rerun's checksum of the schema."""
 
 
-class _Kind(NamedTuple):
-    """Properties that all columns of one chunk share."""
-
-    is_static: bool
-    is_empty: bool
-    place: int
-    """Number that distinguishes columns with the same name, whose types differ between blocks."""
-
-
 def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
     """Return the schema of a store, merged by Rerun from the `schemas` of its blocks. Raises RuntimeError or
     ArrowException."""
@@ -59,22 +50,23 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
 def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
     """Return chunks of one row each that together contain every field."""
     times = list({field.name: field for field in fields if _metadata(field).get(_KIND) == b"index"}.values())
-    groups: dict[_Kind, list[pa.Field]] = defaultdict(list)
+    # Columns with the same name, whose types differ between blocks, are in different chunks.
+    groups: dict[tuple[bool, bool, int], list[pa.Field]] = defaultdict(list)
     seen: dict[str, list[pa.Field]] = defaultdict(list)
     for field in fields:
         about = _metadata(field)
         if about.get(_KIND) != b"data" or any(field.equals(other, check_metadata=True) for other in seen[field.name]):
             continue
         seen[field.name].append(field)
-        groups[_Kind(_STATIC in about, _EMPTY in about, len(seen[field.name]))].append(field)
+        groups[_STATIC in about, _EMPTY in about, len(seen[field.name])].append(field)
     chunks = list[Chunk]()
-    for kind, columns in groups.items():
-        indexes = [] if kind.is_static else times
-        cells = [pa.nulls(1, column.type) if kind.is_empty else _zero(column.type) for column in columns]
+    for (is_static, is_empty, _), columns in groups.items():
+        indexes = [] if is_static else times
+        cells = [pa.nulls(1, column.type) if is_empty else _zero(column.type) for column in columns]
         row = pa.RecordBatch.from_arrays(
             [*(pa.array([0], index.type) for index in indexes), *cells], schema=pa.schema([*indexes, *columns])
         )
-        chunks += Chunk.from_record_batch(row, index=None) if kind.is_static else Chunk.from_record_batch(row)
+        chunks += Chunk.from_record_batch(row, index=None) if is_static else Chunk.from_record_batch(row)
     return chunks
 
 

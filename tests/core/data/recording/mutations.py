@@ -164,7 +164,7 @@ def _frames_of_messages(folder: Path, data: bytes, messages: Sequence[bytes]) ->
     for message in messages:
         alone.write_bytes(beginning + message)
         # Not yet joined, since Rerun's tools put the columns of a row into several messages.
-        rows = rrd_contents._read_batches(alone).batches
+        rows = rrd_contents._read_batches(alone).rows
         batches = [batch for entity in (schema.RGB, schema.DEPTH) for batch in rows.get(f"/{entity}", ())]
         timed = [batch for batch in batches if schema.STEP in batch.schema.names]
         yield {step for batch in timed for step in batch.column(schema.STEP).to_pylist()}

@@ -16,7 +16,7 @@ from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.data.recording.rrd_contents import joined_rows, read_store
+from ltvn_core.data.recording.rrd_contents import joined_rows, open_contents
 from ltvn_core.data.recording.rrf2 import chunk_table
 from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.data.recording.rrf2.layout import (
@@ -243,7 +243,7 @@ def test_what_is_whole_of_a_damaged_rewritten_recording_comes_back(whole: Path, 
 @pytest.mark.parametrize("seed", range(5))
 def test_columns_in_any_batches_and_rows_in_any_order_are_joined(whole: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    (events,) = [each for each in read_store(whole).rows[f"/{schema.EVENTS}"] if each.num_rows > 1][:1]
+    (events,) = [each for each in open_contents(whole, whole=True).batches_of(schema.EVENTS) if each.num_rows > 1][:1]
     needed = schema.COLUMNS[schema.EVENTS].keys()
     keys = [name for name in events.schema.names if name not in needed or name == schema.STEP]
     parts = []

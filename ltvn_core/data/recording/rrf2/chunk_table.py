@@ -192,7 +192,9 @@ def listed_chunks(footer: bytes) -> Set[ChunkPlace] | None:
 
 def _manifest(key: bytes, store: _Store, places: Sequence[ChunkPlace]) -> bytes:
     merged = as_rerun_merges(list(store.schemas.values()))
-    return Manifest(key, merged.encoded, merged.sha256, store.chunks(places)).encoded()
+    manifest = Manifest(key, merged.encoded, merged.sha256, store.chunks(places))
+    pa.default_memory_pool().release_unused()  # Of the tables before they were joined.
+    return manifest.encoded()
 
 
 def _joined(tables: Sequence[pa.Table]) -> pa.Table:

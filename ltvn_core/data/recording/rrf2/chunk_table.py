@@ -18,11 +18,9 @@ from ltvn_core.data.recording.rrf2.sorbet_schema import SorbetSchema, as_rerun_m
 
 _LOG = logging.getLogger(__name__)
 MOST_CELLS = 24_000_000
-"""Largest number of cells (rows times columns) of a table, which needs some fifteen bytes per cell while it is
-assembled.
+"""Largest number of cells (rows times columns) of a table, which needs some 25 bytes per cell while it is assembled.
 
-A larger recording gets no table. The limit is about an hour of driving: 65,000 chunks and 354 columns take about 3 s on
-one core and 370 MB.
+A larger recording gets no table. The limit is about an hour of driving: 65,000 chunks and 354 columns.
 """
 _GROUP = 16
 """Number of blocks whose tables are packed together."""

@@ -58,7 +58,8 @@ class DebuggerPage:
 
     def questions(self) -> list[QuestionName]:
         """Return the questions on offer."""
-        offered = [button.get_attribute("data-text") for button in self.page.locator(".lt-question").all()]
+        # Read at once, because the list may be drawn anew at any time.
+        offered = self.page.locator(".lt-question").evaluate_all("all => all.map(each => each.dataset.text)")
         return [question for question in QuestionName if question.value in offered]
 
     def follow(self, label: str | re.Pattern[str]) -> None:

@@ -18,7 +18,6 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.played_drive import PlayedDrive, open_robot
 from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map
-from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import OptionError, RecordingError, SceneError
@@ -121,7 +120,9 @@ def open_app_state(
     simulated = backend.world
     carry = backend.carry
     world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
-    choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
+    choose_method = (
+        ReplayMethods(options, predictor).of if asked.predictor == AUTO else lambda _: None
+    )  # The named one.
     teleop = AbsentTeleop if backend.robot is None else Teleop
     state = AppState(
         scene=options.scene,
@@ -230,10 +231,6 @@ def _image_source(
     return None
 
 
-def _as_the_robots(meta: RecordingMetadata) -> None:
-    """Choose the robot's method for every recording, because a person named the predictor."""
-
-
 def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
     """Return the navigation system of the options with the predictor's constants. Raises OptionError, WeightsError."""
     system = open_system(options.system, open_method(options.preset, predictor))
@@ -309,14 +306,16 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     """Open everything behind the page of a server, to be closed by `stack`, and draw it there. Raises LtvnError."""
     thumbnails = ThumbnailStore()
     state = open_app_state(options, stack, thumbnails, server.say_loading)
-    state.shows_camera = lambda: server.shown.shows_camera
+    state.shows_camera = lambda: server.shown.camera
     server.say_loading("Building the panels…")
     server.add_route("/thumb/", thumbnails.get)
     server.add_route("/seen/", lambda frame: node_picture(state.shown_observation, frame))
     server.add_route("/marks/", state.strips.rows_from, ending="json")
     server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot
-    floor = floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)
+    middle = np.nan_to_num(robot.drawn_pose[:2])
+    around = middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
+    floor = floor_bounds(state.scene) or _driven_floor(state, options) or around
     painter = Painter(server.viser.atomic)
     session = Session(
         state,
@@ -337,7 +336,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         ),
         Floor(*floor),
     )
-    painter.start(parts)
+    painter.start(*parts, lambda: server.shown.scene)
     stack.callback(painter.close)
     server.listen(session.listener)
     if options.replay is not None:
@@ -361,9 +360,3 @@ def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | N
     high = places.max(axis=0)
     margin = max(0.0, LEAST_FLOOR_M - float((high - low).max())) / 2 + ROUND_ABOUT_M
     return low - margin, high + margin
-
-
-def _floor_around(pose: Pose) -> tuple[Pose, Pose]:
-    """Return two corners (x_m, y_m) around a robot at `pose` (3,), for a floor whose extent is unknown."""
-    middle = np.nan_to_num(pose[:2])
-    return middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M

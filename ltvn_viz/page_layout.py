@@ -7,7 +7,7 @@ slow page nor a change of a big map delays the robot or its driver.
 import logging
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -58,31 +58,14 @@ class PagePart(Protocol):
         ...
 
 
-class NotDrawnError(Exception):
-    """Some parts could not be drawn; its arguments are their names."""
-
-
-def _show_all(parts: Iterable[PagePart], snapshot: Snapshot) -> list[str]:
-    """Draw a snapshot by all parts, whichever of them fail; return the names of these."""
-    failed: list[str] = []
-    for part in parts:
-        try:
-            part.show(snapshot)
-        except NotDrawnError as error:
-            failed += error.args
-        except Exception:
-            failed.append(type(part).__name__)
-            _log.log(logging.ERROR, "%s could not be drawn\n%s", failed[-1], traceback.format_exc())
-    return failed
-
-
 class Painter:
     """Draws the newest snapshot by all layers and panels."""
 
     def __init__(self, batch: Callable[[], AbstractContextManager[None]]) -> None:
         """Draw within `batch()`, so that the page applies all changes of a snapshot at once."""
         self.parts: Sequence[PagePart] = ()
-        """The layers and panels, in drawing order."""
+        self._in_scene: Sequence[PagePart] = ()
+        self._shows_scene: Callable[[], bool] = lambda: True
         self._batch = batch
         self._change = threading.Condition()
         self._newest: Snapshot | None = None
@@ -90,9 +73,9 @@ class Painter:
         self._closing = False
         self._thread = threading.Thread(target=self._paint_forever, name="painter", daemon=True)
 
-    def start(self, parts: Sequence[PagePart]) -> None:
-        """Begin drawing by these parts, in this order."""
-        self.parts = parts
+    def start(self, parts: Sequence[PagePart], in_scene: Sequence[PagePart], shows_scene: Callable[[], bool]) -> None:
+        """Begin drawing by these parts, in this order, and by those `in_scene` while a page shows the 3D scene."""
+        self.parts, self._in_scene, self._shows_scene = parts, in_scene, shows_scene
         self._thread.start()
 
     def publish(self, snapshot: Snapshot) -> None:
@@ -103,8 +86,15 @@ class Painter:
 
     def paint(self, snapshot: Snapshot) -> None:
         """Draw one snapshot now; a part that fails is named on the page, and does not keep the others from drawing."""
+        snapshot = self._with_failure(snapshot)
+        self._failed = []
         with self._batch():
-            self._failed = _show_all(self.parts, self._with_failure(snapshot))
+            for part in (*self.parts, *(self._in_scene if self._shows_scene() else ())):
+                try:
+                    part.show(snapshot)
+                except Exception:
+                    self._failed.append(type(part).__name__)
+                    _log.log(logging.ERROR, "%s could not be drawn\n%s", self._failed[-1], traceback.format_exc())
 
     def _with_failure(self, snapshot: Snapshot) -> Snapshot:
         """Return a snapshot whose message names the parts that could not be drawn last time, if there are any."""
@@ -132,21 +122,6 @@ class Painter:
             return None if self._closing else snapshot
 
 
-class WhenShown:
-    """The parts of the 3D scene, which are drawn only while a page shows it."""
-
-    def __init__(self, parts: Sequence[PagePart], is_shown: Callable[[], bool]) -> None:
-        """Draw `parts` while `is_shown` returns True."""
-        self._parts = parts
-        self._is_shown = is_shown
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Draw a snapshot. Raises NotDrawnError."""
-        failed = _show_all(self._parts, snapshot) if self._is_shown() else []
-        if failed:
-            raise NotDrawnError(*failed)
-
-
 TITLE = "Lifelong Topological Visual Navigation"
 
 
@@ -168,11 +143,11 @@ class PageAssets:
 
 def build_layout(
     server: GuardedServer, send: Callable[[Command], None], assets: PageAssets, floor: Floor
-) -> Sequence[PagePart]:
+) -> tuple[list[PagePart], list[PagePart]]:
     """Add all layers and panels to the page, which begins with a view of `floor`.
 
     `send` takes the commands of viser's own controls and uploads, which `server` accepts from the driver's page only.
-    Returns the parts in drawing order.
+    Returns the parts in drawing order, and those of the 3D scene.
     """
     floor.begin(server.viser)
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
@@ -181,8 +156,7 @@ def build_layout(
     plan_view = PlanView(server.tell, assets.scene_picture, assets.robot, floor)
     server.add_route("/map/", plan_view.changes.since, ending="json")
     server.add_route("/floor/", plan_view.picture, ending="bin")
-    scene = WhenShown(_layers(server.scene, assets), lambda: server.shown.shows_scene)
-    return [plan_view, *_panels(server, send), scene]
+    return [plan_view, *_panels(server, send)], _layers(server.scene, assets)
 
 
 def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[PagePart]:

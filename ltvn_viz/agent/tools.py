@@ -14,7 +14,7 @@ from typing import Any
 from PIL import Image
 
 from ltvn_core.analysis.answer_text import answer_text
-from ltvn_core.analysis.timeline_records import Mark, MarkKind, QueryRecord
+from ltvn_core.analysis.timeline_records import MarkKind, QueryRecord
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.reports.map_png import map_png
@@ -149,7 +149,15 @@ class RecordingTools:
             if from_s - _EARLY_S <= _seconds(case, mark.instant.stamp) <= until + _EARLY_S
             and (not kinds or mark.kind.value in kinds)
         ]
-        rows = [_mark_row(case, mark) for mark in found[:most]]
+        rows = [
+            {
+                "at_s": round(_seconds(case, mark.instant.stamp), 3),
+                "kind": mark.kind.value,
+                "about": list(mark.ids),
+                "text": mark.text,
+            }
+            for mark in found[:most]
+        ]
         return {
             "file": file,
             "length_s": round(case.replay.length_s, 3),
@@ -248,11 +256,6 @@ def _query_row(case: FileCase, query: QueryRecord) -> dict[str, Any]:
         "outcome": None if query.outcome is None else query.outcome.value,
         "succeeded": query.succeeded,
     }
-
-
-def _mark_row(case: FileCase, mark: Mark) -> dict[str, Any]:
-    at_s = round(_seconds(case, mark.instant.stamp), 3)
-    return {"at_s": at_s, "kind": mark.kind.value, "about": list(mark.ids), "text": mark.text}
 
 
 def _links(said: FileAnswer) -> list[dict[str, Any]]:

@@ -6,10 +6,9 @@ Owns the pending and the finished answers. A computation must not use data that 
 import logging
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Any
+from typing import Any, TypeAlias
 
 from ltvn_core.errors import LtvnError
-from ltvn_viz.session.worker import JobQueue
 
 _KEPT = 32
 _LEFT = object()
@@ -17,12 +16,16 @@ _LEFT = object()
 _LOG = logging.getLogger(__name__)
 
 
+Submit: TypeAlias = Callable[[Callable[[], Any], Callable[[Any], None]], None]
+"""Runs a job later, and then its follow-up with the job's result."""
+
+
 class BackgroundCache:
     """A cache of answers by their questions."""
 
-    def __init__(self, worker: JobQueue, on_answer: Callable[[], None]) -> None:
-        """Compute in `worker`; `on_answer` is called in the session's thread when there is a new answer."""
-        self._worker = worker
+    def __init__(self, submit: Submit, on_answer: Callable[[], None]) -> None:
+        """Compute by `submit`; `on_answer` is called in the session's thread when there is a new answer."""
+        self._submit = submit
         self._on_answer = on_answer
         self._known: OrderedDict[Hashable, Any] = OrderedDict()
         self._asked: set[Hashable] = set()
@@ -40,7 +43,7 @@ class BackgroundCache:
         self._left.discard(question)
         if question not in self._asked:
             self._asked.add(question)
-            self._worker.submit(
+            self._submit(
                 lambda: _LEFT if question in self._left else _tried(compute),
                 lambda answer: self._answered(question, answer),
             )

@@ -155,19 +155,18 @@ def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke
     builder.add_line(
         Strong("What is open?"), f" {count} seen blocked at some time. It is {clock_text(context.world_s)}."
     )
-    rows = [_edge_row(context, edge, found[edge]) for edge in ordered[:_ROWS]]
+    rows: list[tuple[Inline, ...]] = []
+    for edge in ordered[:_ROWS]:
+        last = context.graph.presence[edge][-1]
+        ago = duration_text(max(0.0, context.world_s - last.stamp_s))
+        seen = f"{'open' if last.present else 'blocked'}, {ago} ago"
+        rows.append((edge_link(*edge), f"{found[edge]:.2f}", _state(found[edge]), seen))
     builder.add_table(("edge", "p open", "taken for", "seen last"), rows)
     if len(ordered) > _ROWS:
         builder.add_line(f"… and {len(ordered) - _ROWS} more with a higher probability.")
     _note(context, builder)
     colours = {edge: STATE_COLOURS[presence_state(p)] for edge, p in found.items()}
     return tuple(line for edge, colour in colours.items() for line in context.strokes([edge], colour))
-
-
-def _edge_row(context: DebugContext, edge: EdgeKey, p: float) -> tuple[Inline, ...]:
-    last = context.graph.presence[edge][-1]
-    ago = duration_text(max(0.0, context.world_s - last.stamp_s))
-    return edge_link(*edge), f"{p:.2f}", _state(p), f"{'open' if last.present else 'blocked'}, {ago} ago"
 
 
 def _note(context: DebugContext, builder: AnswerBuilder) -> None:

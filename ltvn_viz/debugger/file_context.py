@@ -78,7 +78,7 @@ def replay_context(
 
 
 class JobsAtOnce:
-    """Runs each job immediately in the calling thread. Implements `ltvn_viz.session.worker.JobQueue`."""
+    """Runs each job immediately in the calling thread."""
 
     def __init__(self, longest_s: float = math.inf) -> None:
         """Set the deadline, in seconds from now, after which no more jobs are started."""
@@ -86,23 +86,12 @@ class JobsAtOnce:
         self._longest_s = longest_s
         self._deadline = time.monotonic() + longest_s
 
-    def submit(
-        self,
-        job: Callable[[], ResultT],
-        then: Callable[[ResultT], None],
-        *,
-        otherwise: Callable[[], None] = lambda: None,
-    ) -> None:
+    def submit(self, job: Callable[[], ResultT], then: Callable[[ResultT], None]) -> None:
         """Run a job, then its follow-up. Raises LtvnError after the deadline."""
         if time.monotonic() > self._deadline:
             raise LtvnError(f"This takes longer than {self._longest_s:.0f} s; ask about a shorter run, or in the page.")
         self.done += 1
-        try:
-            result = job()
-        except BaseException:
-            otherwise()
-            raise
-        then(result)
+        then(job())
 
     def complete(self, ask: Callable[[], QuestionAnswer]) -> QuestionAnswer:
         """Ask again and again, until no part of the answer is pending or no job is left to run."""
@@ -144,34 +133,30 @@ class FileCase:
         self.path = path
         self._weights = weights
         self.library = library or _FolderAndPaths(path.absolute().parent)
-        self._replay = read_replay(path, self._remember)
+        self.replay = read_replay(path, self._remember)
+        """The open recording, with its images and its length."""
 
     @property
     def timeline(self) -> Timeline:
         """All events of the recording."""
-        return self._replay.timeline
-
-    @property
-    def replay(self) -> Playback:
-        """The open recording, with its images and its length."""
-        return self._replay
+        return self.replay.timeline
 
     def context(self, at_s: float, jobs: JobsAtOnce) -> DebugContext:
         """Return the context of questions at a time in seconds after the beginning, without cached answers.
 
         Raises OptionError for a time outside the recording.
         """
-        length_s = self._replay.length_s
+        length_s = self.replay.length_s
         if not 0 <= at_s <= length_s + _ROUNDING_S:  # False for NaN too.
             raise OptionError(f"{self.path.name} has times from 0 to {length_s:.1f} s, so {at_s:g} s is outside.")
-        self._replay.seek(at_s)
+        self.replay.seek(at_s)
         return replay_context(
-            self._replay,
-            self._replay.moment(),
+            self.replay,
+            self.replay.moment(),
             lambda: self._comparison,
             known_events=len(self.timeline.events),
             live=Timeline(),
-            in_background=BackgroundCache(jobs, lambda: None),
+            in_background=BackgroundCache(jobs.submit, lambda: None),
             library=self.library,
         )
 
@@ -180,21 +165,19 @@ class FileCase:
 
     @cached_property
     def _comparison(self) -> ReplayMethod:
-        """How the images are compared; opened only for a question that compares them, because that takes seconds."""
-        return _file_method(self._meta, self._weights)
+        """How the images are compared; opened only for a question that compares them, because that takes seconds.
+
+        A stand-in compares nothing and says why if it cannot be opened.
+        """
+        defaults = AppOptions(replay="", weights=self._weights)
+        try:
+            choice = ImageSource.of(self._meta).choose()
+            options = replace(defaults, predictor=choice.name, scene=self._meta.scene)
+            predictor = predictor_for(options, self._meta.camera)
+        except LtvnError as missing:
+            predictor = AbsentPredictor(missing)
+        return ReplayMethod(predictor, open_system(defaults.system, open_method(defaults.preset, predictor)).method)
 
 
 _ROUNDING_S = 0.1
 """Tolerance in seconds: times are written with one decimal, so rounding may move the last one past the end."""
-
-
-def _file_method(meta: RecordingMetadata, weights: Path | None) -> ReplayMethod:
-    """Return the method of a recording's images; a stand-in that compares nothing and says why if it cannot be
-    opened."""
-    defaults = AppOptions(replay="", weights=weights)
-    try:
-        choice = ImageSource.of(meta).choose()
-        predictor = predictor_for(replace(defaults, predictor=choice.name, scene=meta.scene), meta.camera)
-    except LtvnError as missing:
-        predictor = AbsentPredictor(missing)
-    return ReplayMethod(predictor, open_system(defaults.system, open_method(defaults.preset, predictor)).method)

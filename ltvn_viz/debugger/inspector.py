@@ -30,76 +30,12 @@ from ltvn_viz.session.inspection import (
     QuestionName,
     Selection,
 )
-from ltvn_viz.session.worker import JobQueue
+from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Command, QuestionRequest
 
 _COUNT_EVERY_S = 1.0
 """Shortest time between counts of the events of a run, in seconds, because each count refreshes the answers."""
-
-
-class DebugContextBuilder:
-    """Builds contexts of questions; stores the number of events that answers include."""
-
-    def __init__(self, in_background: BackgroundCache, clock: Callable[[], float] = time.monotonic) -> None:
-        """Let questions compute slow answers by `in_background`."""
-        self._in_background = in_background
-        self._clock = clock
-        self._run: Timeline | None = None
-        self._known_events = 0
-        self._due = float("-inf")
-
-    def build(self, state: AppState, moment: RunMoment) -> DebugContext:
-        """Return the context of questions when the page shows `moment`."""
-        if isinstance(activity := state.activity, Playback):
-            robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
-            return replay_context(
-                activity,
-                moment,
-                lambda: activity.method or robots,
-                known_events=self._count(activity.timeline),
-                live=state.live.timeline,
-                in_background=self._in_background,
-                library=state.library,
-                rerun=state.rerun,
-                offer_file=state.saved_files.offer,
-                floor_plan=None if state.alignment is None else state.alignment.view.plan,
-            )
-        run = state.live.timeline
-        live_map = state.live_map
-        presence = live_map.system.presence
-        return DebugContext(
-            name="",
-            scene=state.scene,
-            start_s=run.start_s,
-            moment=moment,
-            step=run.instant_at(moment.stamp).step,
-            timeline=run,
-            known_events=self._count(run),
-            observation=_live_observation(state),
-            camera=state.live.robot.spec.camera,
-            comparison=lambda: ReplayMethod(live_map.predictor, live_map.system.method),
-            weights=live_map.fingerprint,
-            system=live_map.system.name,
-            presence_filter=presence.presence_filter if isinstance(presence, FilteredPresence) else None,
-            live_map=live_map,
-            live=run,
-            in_background=self._in_background,
-            library=state.library,
-            rerun=state.rerun,
-            offer_file=state.saved_files.offer,
-        )
-
-    def count_now(self) -> None:
-        """Count all events at once, because a person waits to see a change."""
-        self._due = float("-inf")
-
-    def _count(self, run: Timeline) -> int:
-        if run is not self._run or (len(run.events) != self._known_events and self._clock() > self._due):
-            self._run = run
-            self._known_events = len(run.events)
-            self._due = self._clock() + _COUNT_EVERY_S
-        return self._known_events
 
 
 def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None]:
@@ -122,14 +58,16 @@ before a person clicks."""
 class Inspector:
     """The debugger's state."""
 
-    def __init__(self, questions: Sequence[Question[Any]], worker: JobQueue) -> None:
+    def __init__(self, questions: Sequence[Question[Any]], worker: Worker) -> None:
         """Offer these questions in this order, and let them compute slow answers in `worker`."""
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {
             word: question.name for question in questions for word in (question.word, *question.earlier_words)
         }
-        self._in_background = BackgroundCache(worker, self.mark_stale)
-        self._contexts = DebugContextBuilder(self._in_background)
+        self._in_background = BackgroundCache(worker.submit, self.mark_stale)
+        self._run: Timeline | None = None
+        self._known_events = 0
+        self._due = float("-inf")
         self.shown = Inspection(abouts={question.name: question.about for question in questions})
         self._key: object = None
         self._context: DebugContext | None = None
@@ -186,8 +124,52 @@ class Inspector:
         return question, self._context
 
     def context(self, state: AppState, moment: RunMoment) -> DebugContext:
-        """Return the context of the questions when the page shows `moment`."""
-        return self._contexts.build(state, moment)
+        """Return the context of questions when the page shows `moment`."""
+        if isinstance(activity := state.activity, Playback):
+            robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
+            return replay_context(
+                activity,
+                moment,
+                lambda: activity.method or robots,
+                known_events=self._count(activity.timeline),
+                live=state.live.timeline,
+                in_background=self._in_background,
+                library=state.library,
+                rerun=state.rerun,
+                offer_file=state.saved_files.offer,
+                floor_plan=None if state.alignment is None else state.alignment.view.plan,
+            )
+        run = state.live.timeline
+        live_map = state.live_map
+        presence = live_map.system.presence
+        return DebugContext(
+            name="",
+            scene=state.scene,
+            start_s=run.start_s,
+            moment=moment,
+            step=run.instant_at(moment.stamp).step,
+            timeline=run,
+            known_events=self._count(run),
+            observation=_live_observation(state),
+            camera=state.live.robot.spec.camera,
+            comparison=lambda: ReplayMethod(live_map.predictor, live_map.system.method),
+            weights=live_map.fingerprint,
+            system=live_map.system.name,
+            presence_filter=presence.presence_filter if isinstance(presence, FilteredPresence) else None,
+            live_map=live_map,
+            live=run,
+            in_background=self._in_background,
+            library=state.library,
+            rerun=state.rerun,
+            offer_file=state.saved_files.offer,
+        )
+
+    def _count(self, run: Timeline) -> int:
+        if run is not self._run or (len(run.events) != self._known_events and time.monotonic() > self._due):
+            self._run = run
+            self._known_events = len(run.events)
+            self._due = time.monotonic() + _COUNT_EVERY_S
+        return self._known_events
 
     def refresh(self, state: AppState, moment: RunMoment) -> None:
         """Refresh the answer if anything changed that it may show."""
@@ -219,7 +201,7 @@ class Inspector:
 
     def take_in_all_events(self) -> None:
         """Include the latest events in the answers, because a person waits to see a change."""
-        self._contexts.count_now()
+        self._due = float("-inf")
 
     def link(self, number: int) -> Command | None:
         """Return the request of a drawn link; None if it belongs to another question, or is too old."""

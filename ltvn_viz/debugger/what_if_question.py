@@ -89,7 +89,11 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         builder = AnswerBuilder()
         self._offers(context, selection, builder)
         if context.graph.presence:
-            _offer_times(context, builder)
+            if context.presence_filter is None:
+                builder.add_line("Plans of this run ignore when edges are open.")
+            else:
+                times = joined(map(_offer, OFFERED_TIMES))
+                builder.add_line(f"It is {clock_text(context.world_s)}. What if it were ", times)
         for each in self._changes.values():
             builder.add_line(Strong(format_what_if_change(each)), " · ", request_link("forget", ForgetChange(each)))
         if len(self._changes) > 1:
@@ -101,7 +105,12 @@ class WhatIfQuestion(Question[WhatIfRequest]):
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Add a typed change, or "forget" one or "all" of them. Raises OptionError, MapError."""
-        self.handle_request(context, _typed_request(text))
+        words = " ".join(text.split())
+        named = words.removeprefix(_FORGET)
+        if named == words:
+            self.handle_request(context, ImagineChange(parse_what_if_change(words)))
+        else:
+            self.handle_request(context, ForgetChange(None if named == _ALL else parse_what_if_change(named)))
 
     def handle_request(self, context: DebugContext, request: WhatIfRequest) -> None:
         """Add or remove a change. Raises OptionError if the change to remove is not in the scenario."""
@@ -177,14 +186,6 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         return tuple(self._changes.values())
 
 
-def _typed_request(text: str) -> WhatIfRequest:
-    words = " ".join(text.split())
-    if not words.startswith(_FORGET):
-        return ImagineChange(parse_what_if_change(words))
-    named = words.removeprefix(_FORGET)
-    return ForgetChange(None if named == _ALL else parse_what_if_change(named))
-
-
 def _about(change: WhatIfChange) -> Hashable:
     """Return the subject of a change; a later change of the same subject replaces it."""
     match change:
@@ -217,14 +218,6 @@ def _say_when_it_was(context: DebugContext, changes: Sequence[WhatIfChange], bui
 
 def _offer(change: WhatIfChange) -> Link:
     return request_link(format_what_if_change(change), ImagineChange(change))
-
-
-def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
-    """Offer other times if some edges are not always open."""
-    if context.presence_filter is None:
-        builder.add_line("Plans of this run ignore when edges are open.")
-        return
-    builder.add_line(f"It is {clock_text(context.world_s)}. What if it were ", joined(map(_offer, OFFERED_TIMES)))
 
 
 def _say(plans: PlanDifference, changes: Sequence[WhatIfChange], builder: AnswerBuilder) -> None:

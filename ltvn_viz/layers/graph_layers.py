@@ -1,4 +1,9 @@
-"""The map in the 3D scene."""
+"""The map in the 3D scene.
+
+Edges are lines whose colour and width both show their probability. All lines of a viser node have the same width, so
+there are three nodes, each with a dark rim. If the p of an edge changes but its width does not, only the colours of a
+node are sent again; if the width changes, the lines of two nodes are sent again.
+"""
 
 import time
 from collections.abc import Callable
@@ -11,7 +16,6 @@ from ltvn_core import palette
 from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import EDGE_Z, NODE_Z
-from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.shapes import Dots, LineSegments, drops, points
 from ltvn_viz.session.snapshot import Snapshot
 
@@ -54,6 +58,29 @@ class NodesLayer:
         colours[graph.ids == here] = palette.LOCALISED
         colours[graph.ids == goal] = palette.GOAL
         return colours
+
+
+EDGE_WIDTHS = (("unlikely", 0.0, 1.5), ("open", 1 / 3, 2.5), ("likely", 2 / 3, 3.5))
+"""Classes of width, from thin to thick: name, least p of an edge, and thickness in pixels."""
+
+
+class EdgeLines:
+    """A batch of lines for each width."""
+
+    def __init__(self, scene: viser.SceneApi, name: str) -> None:
+        """Add the batches, empty and hidden."""
+        self.batches = tuple(
+            LineSegments(scene, f"{name}/{width}", thickness_px=thickness_px, outlined=True)
+            for width, _, thickness_px in EDGE_WIDTHS
+        )
+
+    def draw(self, segments: NDArray[np.float32], p: NDArray[np.float64]) -> None:
+        """Replace all edges, given their ends (N, 2, 3) and their probabilities (N,)."""
+        colours = palette.probability_colours(p)
+        widths = np.searchsorted([from_p for _, from_p, _ in EDGE_WIDTHS[1:]], p, side="right")
+        for number, batch in enumerate(self.batches):
+            chosen = widths == number
+            batch.draw(segments[chosen], colours[chosen])
 
 
 class EdgesLayer:

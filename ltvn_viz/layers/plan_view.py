@@ -124,10 +124,14 @@ class PlanView:
         is_asking = inspection.question != QuestionName.FIRST
         goal = snapshot.selected if snapshot.way is None else snapshot.way.goal
         camera = snapshot.lone_camera or self._robot.camera
+        floor = None
+        if (seen := self._picture) is not None:
+            number = self._number(seen, lambda: seen.rgb)
+            floor = {"picture": number, "low": seen.low.tolist(), "high": seen.high.tolist()}
         return {
             "type": "view",
             "map": self._map,
-            "floor": None if self._picture is None else self._floor_picture(self._picture),
+            "floor": floor,
             "bounds": self._floor,
             "rooms": rooms_of(snapshot.scene),
             "sheet": None if snapshot.floor_plan is None else self._sheet(snapshot.floor_plan),
@@ -148,10 +152,6 @@ class PlanView:
             "fov": round(float(camera.horizontal_fov_rad), 3),
             **self._overlay(inspection.answer.overlay),
         }
-
-    def _floor_picture(self, picture: FloorPicture) -> dict[str, Any]:
-        low, high = picture.low.tolist(), picture.high.tolist()
-        return {"picture": self._number(picture, lambda: picture.rgb), "low": low, "high": high}
 
     def _sheet(self, view: FloorPlanView) -> dict[str, Any]:
         x, y, yaw = map(float, view.plan.middle)

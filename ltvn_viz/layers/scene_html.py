@@ -17,10 +17,9 @@ from ltvn_core.errors import SceneError
 from ltvn_core.evaluation.reports.map_svg import MapLayout, bar_length_m
 from ltvn_core.terminal_text import count_text
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
-from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.floor_plan import draw_floor_plan
-from ltvn_viz.layers.graph_layers import offset_right
+from ltvn_viz.layers.graph_layers import EdgeLines, offset_right
 from ltvn_viz.layers.scene_assets import add_lights, floor_bounds, scene_glb
 from ltvn_viz.layers.shapes import Dots, LineSegments, points
 from ltvn_viz.server.guarded_server import GuardedServer

@@ -38,7 +38,8 @@ class ReplayPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Show the list of recordings, and the position in the open one."""
         self._list(snapshot)
-        self.making.show(_making(snapshot))
+        cancel = ActionButton(Action.CANCEL, hint="leave nothing behind", is_enabled=snapshot.mode in STANDING)
+        self.making.show(button_row(cancel) if snapshot.is_making else "")
         replay = snapshot.replay
         if replay is not None:
             self._choose(replay)
@@ -71,12 +72,6 @@ class ReplayPanel:
             self._opened = self._to_choose = name
         if self._to_choose in self._choices:  # A new recording is listed a little later than it is opened.
             self._names.value, self._to_choose = self._to_choose, ""
-
-
-def _making(snapshot: Snapshot) -> str:
-    if not snapshot.is_making:
-        return ""
-    return button_row(ActionButton(Action.CANCEL, hint="leave nothing behind", is_enabled=snapshot.mode in STANDING))
 
 
 def _about(snapshot: Snapshot, chosen: str) -> str:

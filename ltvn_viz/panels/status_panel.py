@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 from html import escape
-from typing import NamedTuple
 
 import viser
 
@@ -141,7 +140,10 @@ class StatusPanel:
         # The notification comes first; afterwards it is listed as an open problem.
         if message is None or message.severity is not Severity.ERROR:
             return ""
-        return _message(message) if self._clock() > self._since + SECONDS[Severity.ERROR] else ""
+        if self._clock() <= self._since + SECONDS[Severity.ERROR]:
+            return ""
+        card = f'<div class="lt-card" data-severity="{message.severity}">{escape(message.text)}</div>'
+        return f'<div class="lt" role="alert">{card}</div>'
 
 
 _NAMED_TAB = re.compile("“(Drive|Go|World|Replay|Why)”")
@@ -179,13 +181,6 @@ def rec_badge(seconds: float) -> str:
     return f'<span class="lt-rec">REC {minutes}:{rest:02d}</span>'
 
 
-def _message(message: Message) -> str:
-    return (
-        f'<div class="lt" role="alert"><div class="lt-card" data-severity="{message.severity}">'
-        f"{escape(message.text)}</div></div>"
-    )
-
-
 def _hint(snapshot: Snapshot) -> str:
     # On a phone an open tab hides the map, which the next step may be a click on.
     on_map = " data-ltvn-scene" if snapshot.hint.startswith("Click ") else ""
@@ -220,42 +215,35 @@ class Health(StrEnum):
     TROUBLE = "Trouble"
 
 
-class HealthReport(NamedTuple):
-    """The app's health and the reason."""
-
-    health: Health
-    reason: str
-
-
-def health_of(snapshot: Snapshot) -> HealthReport:
-    """Return the health of the app, judged by its own failures, its delays and the link to the robot."""
+def health_of(snapshot: Snapshot) -> tuple[Health, str]:
+    """Return the health of the app and the reason, judged by its own failures, its delays and the link to the robot."""
     rates = snapshot.rates
     message = snapshot.message
     if message is not None and message.is_trouble:
-        return HealthReport(Health.TROUBLE, message.text)
+        return Health.TROUBLE, message.text
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.LOST:
-        return HealthReport(Health.TROUBLE, "The robot does not answer, so it is stopped.")
+        return Health.TROUBLE, "The robot does not answer, so it is stopped."
     age_ms = 0 if snapshot.drive_is_over else rates.frame_age_ms
     is_measured = rates.loop_hz > 0
     if is_measured and rates.loop_hz < TROUBLE_HZ:
-        return HealthReport(Health.TROUBLE, "The computer is far too busy: the app reads the robot's state too seldom.")
+        return Health.TROUBLE, "The computer is far too busy: the app reads the robot's state too seldom."
     if age_ms > TOO_OLD_MS:
-        return HealthReport(Health.TROUBLE, f"The camera image is {age_ms / 1000:.0f} s old.")
+        return Health.TROUBLE, f"The camera image is {age_ms / 1000:.0f} s old."
     if is_measured and rates.loop_hz < SLOW_HZ:
-        return HealthReport(Health.SLOW, "The computer is busy; the page is updated less often.")
+        return Health.SLOW, "The computer is busy; the page is updated less often."
     if age_ms > OLD_MS:
-        return HealthReport(Health.SLOW, f"The camera image is {age_ms / 1000:.1f} s old.")
+        return Health.SLOW, f"The camera image is {age_ms / 1000:.1f} s old."
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.WEAK:
-        return HealthReport(Health.SLOW, "The link to the robot is weak: images are few, late or lost.")
-    return HealthReport(Health.GOOD, "Everything keeps up.")
+        return Health.SLOW, "The link to the robot is weak: images are few, late or lost."
+    return Health.GOOD, "Everything keeps up."
 
 
 def health_button(snapshot: Snapshot) -> str:
     """Return the app's health as a button that shows and hides the numbers."""
-    report = health_of(snapshot)
+    health, reason = health_of(snapshot)
     return (
-        f'<button type="button" class="lt-health" data-health="{report.health}" data-ltvn-toggle="numbers" '
-        f'title="{escape(report.reason)} Click for the numbers.">{report.health}</button>'
+        f'<button type="button" class="lt-health" data-health="{health}" data-ltvn-toggle="numbers" '
+        f'title="{escape(reason)} Click for the numbers.">{health}</button>'
     )
 
 

@@ -36,7 +36,9 @@ class WorldPanel:
         self.doors.show(_doors(world.doors, is_enabled=enabled))
         self.boxes.show(_boxes(world, is_enabled=enabled))
         self.light.show(_light(world, is_enabled=enabled))
-        self.undo.show(_undo(world, is_enabled=enabled))
+        label = f"Undo: {world.undo}" if world.undo else ""
+        undo = ActionButton(Action.UNDO_CHANGE, label, is_enabled=enabled and bool(world.undo))
+        self.undo.show(button_row(undo))
         can_watch = snapshot.mode is Mode.TELEOP and not snapshot.no_story and not snapshot.story_goes_on
         watch = ActionButton(Action.WATCH_IT_LEARN, is_main=True, is_enabled=can_watch, hint=snapshot.no_story)
         self.watch.show(button_row(watch) + (note(snapshot.no_story) if snapshot.no_story else ""))
@@ -108,8 +110,3 @@ def _light(world: WorldView, *, is_enabled: bool) -> str:
             for name, percent in LIGHTS
         )
     )
-
-
-def _undo(world: WorldView, *, is_enabled: bool) -> str:
-    label = f"Undo: {world.undo}" if world.undo else ""
-    return button_row(ActionButton(Action.UNDO_CHANGE, label, is_enabled=is_enabled and bool(world.undo)))

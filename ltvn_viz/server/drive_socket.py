@@ -31,7 +31,7 @@ from ltvn_viz.server.drive_messages import (
     refusal_message,
     state_message,
 )
-from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, Presence, StopReason
+from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, HeldInput, Presence, StopReason
 from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget
 from ltvn_viz.wishes.commands import Action, Ask
 from ltvn_viz.wishes.wish_table import WISHES, Audience
@@ -91,7 +91,7 @@ class _Page:
     def __init__(self, client: ClientId, connection: GuardedConnection) -> None:
         self.client = client
         self.connection = connection
-        self.shows = ViewMessage(shows_scene=False, shows_camera=False)
+        self.shows = ViewMessage(scene=False, camera=False)
         self._told = ""
         self._unsent: list[str] = []
         self._newest: dict[Newest, str | bytes] = {}
@@ -109,7 +109,7 @@ class _Page:
 
     def tell_newest(self, kind: Newest, message: str | bytes) -> None:
         # A page that stops reading gets only the newest message of each kind.
-        if kind is not Newest.LARGER or self.shows.shows_camera:
+        if kind is not Newest.LARGER or self.shows.camera:
             self._newest[kind] = message
             self._wake.set()
 
@@ -195,7 +195,7 @@ class DriveSocket:
     def shown(self) -> ViewMessage:
         """What any page shows."""
         shown = [page.shows for page in list(self._pages.values())]
-        return ViewMessage(any(each.shows_scene for each in shown), any(each.shows_camera for each in shown))
+        return ViewMessage(any(each.scene for each in shown), any(each.camera for each in shown))
 
     def client_of(self, key: str | None) -> ClientId | None:
         """Return the page with a key; None if its drive socket is not open."""
@@ -257,8 +257,8 @@ class DriveSocket:
                 if (larger := self._newest.get(Newest.LARGER)) is not None:
                     page.tell_newest(Newest.LARGER, larger)
                 return
-            case DriveMessage(held, epoch, age_s):
-                self.seat.receive(page.client, held, epoch, age_s)
+            case DriveMessage(held, stick, slow, epoch, age_ms):
+                self.seat.receive(page.client, HeldInput(held, stick, slow), epoch, age_ms / 1000)
             case Ask(Action.STOP):
                 self.seat.stop(page.client)
             case Ask(Action.TAKE_OVER):

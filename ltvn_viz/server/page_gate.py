@@ -56,10 +56,7 @@ class Verdict(StrEnum):
 class _Upload:
     """A running upload of a file."""
 
-    transfer: str
-    element: str
-    parts: int
-    size: int
+    start: UploadStart
     next_part: int = 0
     received: int = 0
 
@@ -149,14 +146,17 @@ class PageGate:
             return self._shared(page, is_fit=page.take_part(message))
         element = server.gui._gui_input_handle_from_uuid.get(message.source_component_uuid)
         is_fit = isinstance(element, viser.GuiUploadButtonHandle) and element.visible and not element.disabled
-        verdict = self._shared(page, is_fit=is_fit and page.is_fit_upload(message))
+        # viser's page sends all parts of one size, and the rest.
+        parts = -(-message.size_bytes // PART_BYTES)
+        is_fit = is_fit and message.size_bytes <= MAX_UPLOAD_BYTES and message.part_count == parts
+        verdict = self._shared(page, is_fit=is_fit)
         if verdict is Verdict.ADMITTED:
             # A page sends one file at a time, so an unfinished upload is dropped.
             server.gui._drop_uploads_from_client(client._websock_connection.client_id)  # type: ignore[arg-type]
             # viser stores its response to each piece of a file for later pages, which do not need them.
             buffer = server._websock_server.get_message_buffer()
             buffer.remove_from_buffer(lambda each: isinstance(each, _messages.FileTransferPartAck))
-            page.begin_upload(message)
+            page.upload = _Upload(message)
         return verdict
 
     def _shared(self, page: "GuardedPage", *, is_fit: bool) -> Verdict:
@@ -175,7 +175,7 @@ class GuardedPage:
         self._gate = gate
         self._connection = connection
         self._budget = PageBudget(gate.pace)
-        self._upload: _Upload | None = None
+        self.upload: _Upload | None = None
 
     async def recv(self) -> bytes | str:
         """Return the next admitted message."""
@@ -209,33 +209,19 @@ class GuardedPage:
         number = next((each for each, connection in live.items() if connection is self), None)  # type: ignore[comparison-overlap]
         return None if number is None else server._connected_clients.get(number)
 
-    def is_fit_upload(self, message: UploadStart) -> bool:
-        """Tell whether the size of an upload is allowed, and its number of parts is that of viser's page."""
-        parts = -(-message.size_bytes // PART_BYTES)
-        return message.size_bytes <= MAX_UPLOAD_BYTES and message.part_count == parts
-
-    def begin_upload(self, message: UploadStart) -> None:
-        """Start to receive the parts of a file."""
-        self._upload = _Upload(
-            transfer=message.transfer_uuid,
-            element=message.source_component_uuid,
-            parts=message.part_count,
-            size=message.size_bytes,
-        )
-
     def take_part(self, message: UploadPart) -> bool:
         """Count a part of the running upload; return whether it is the next one."""
-        upload = self._upload
-        if upload is None or (message.transfer_uuid, message.source_component_uuid) != (
-            upload.transfer,
-            upload.element,
-        ):
+        upload = self.upload
+        if upload is None:
+            return False
+        start = upload.start
+        if (message.transfer_uuid, message.source_component_uuid) != (start.transfer_uuid, start.source_component_uuid):
             return False
         upload.received += len(message.content)
-        is_next = message.part_index == upload.next_part < upload.parts and upload.received <= upload.size
+        is_next = message.part_index == upload.next_part < start.part_count and upload.received <= start.size_bytes
         upload.next_part += 1
-        if not is_next or upload.next_part == upload.parts:
-            self._upload = None
+        if not is_next or upload.next_part == start.part_count:
+            self.upload = None
         return is_next
 
 

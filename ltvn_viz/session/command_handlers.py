@@ -29,7 +29,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place, navigate, pick
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
+from ltvn_viz.session.recording_maker import MadeRecording, Progress
 from ltvn_viz.session.seeking import play_or_hold, seek, seek_by, seek_mark, set_speed, show_now
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.world_handlers import begin_story, change_map, world_of
@@ -164,7 +164,7 @@ def take_made_recording(state: AppState) -> None:
     match state.maker.collect():
         case None:
             pass
-        case FailedRecording(reason):
+        case str(reason):
             state.say(reason, Severity.ERROR)
         case MadeRecording(name, text, findings):
             if isinstance(state.activity, Navigation | MapBuilding):

@@ -4,7 +4,6 @@ A goal that the map may not hold is reported before the robot drives. Runs in th
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from ltvn_core.analysis.image_similarity import LIKELY_HELD
 from ltvn_core.errors import LtvnError, OptionError, SceneError
@@ -20,13 +19,6 @@ from ltvn_viz.timeline.run_moment import moment_of
 
 NOT_FOUND = "Image not found in the map"
 """Title of the message for a picture that was not found."""
-
-
-class _Resembling(NamedTuple):
-    """Nodes that look like an uploaded picture, and their images."""
-
-    match: UploadMatch
-    images: Sequence[tuple[FrameId, Rgb]]
 
 
 def pick(state: AppState, node: NodeId) -> None:
@@ -111,27 +103,28 @@ def _tell_goal(state: AppState, goal: NodeId) -> None:
 def find_and_go(state: AppState, rgb: Rgb, original: Rgb | None) -> None:
     """Navigate to the node most similar to a picture (H, W, 3), if one is surely similar; show `original` beside it."""
 
-    def find() -> _Resembling:
+    def find() -> tuple[UploadMatch, Sequence[tuple[FrameId, Rgb]]]:
         places = [LikePlace(*place) for place in state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)]
         nodes = [place.node for place in places]
         shown = rgb if original is None else original
-        return _Resembling(UploadMatch(picture_address(shown), tuple(places)), state.live_map.node_images(nodes))
+        return UploadMatch(picture_address(shown), tuple(places)), state.live_map.node_images(nodes)
 
     search = object()
 
-    def go(found: _Resembling) -> None:
-        state.goals.offer_match(found.match, found.images)
+    def go(found: tuple[UploadMatch, Sequence[tuple[FrameId, Rgb]]]) -> None:
+        state.goals.offer_match(*found)
+        best = found[0].places[0]
         if state.search is not search:
             return  # It was stopped meanwhile, or something newer drives the robot.
         state.search = None
-        if found.match.places[0].likeness < LIKELY_HELD:
+        if best.likeness < LIKELY_HELD:
             state.goals.selected = None
-            state.say(_hardly_held(found), Severity.WARN, title=NOT_FOUND)
+            state.say(_hardly_held(best), Severity.WARN, title=NOT_FOUND)
             return
         state.say(
             "Going to the place that looks most like your image. Others that look like it stand beside it, under “Go”."
         )
-        navigate(state, found.match.places[0].node)
+        navigate(state, best.node)
 
     state.end_steps("the robot has another goal")
     state.search = search
@@ -143,12 +136,11 @@ def _forget(state: AppState, search: object) -> None:
         state.search = None
 
 
-def _hardly_held(found: _Resembling) -> str:
-    node, likeness = found.match.places[0]
+def _hardly_held(best: LikePlace) -> str:
     return (
-        f"The map may not hold your image: node {node} looks most like it, with a likeness of {likeness:.2f}, where 1 "
-        f"is the same image and other places hardly reach {LIKELY_HELD:g}. The robot stays. "
-        "If one of the places beside your image is right, click it."
+        f"The map may not hold your image: node {best.node} looks most like it, with a likeness of "
+        f"{best.likeness:.2f}, where 1 is the same image and other places hardly reach {LIKELY_HELD:g}. The robot "
+        "stays. If one of the places beside your image is right, click it."
     )
 
 

@@ -146,8 +146,9 @@ class Recorder:
 
     def keep(self, then: Callable[[Path], None]) -> None:
         """End the recording soon and call `then` with its finished file; raises OptionError without a recording."""
-        current = self._require()
-        current.finished = current.finished or then
+        if self._current is None:
+            raise OptionError("Nothing is being recorded; press R to start.")
+        self._current.finished = self._current.finished or then
 
     def discard(self, then: Callable[[Path], None]) -> None:
         """End the recording soon, move it aside and call `then` with its new path; raises OptionError without a
@@ -199,11 +200,6 @@ class Recorder:
         if self._current is not None:
             raise RecordingError(f"{self._library.folder} does not answer; what was recorded last may be missing.")
         return kept[0] if kept else None
-
-    def _require(self) -> _RecordingUnderWay:
-        if self._current is None:
-            raise OptionError("Nothing is being recorded; press R to start.")
-        return self._current
 
     def _try_open(self) -> "tuple[Path, RecordingWriter] | Exception":
         try:

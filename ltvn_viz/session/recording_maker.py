@@ -28,12 +28,6 @@ class MadeRecording(NamedTuple):
     """Doubtful findings about the recording."""
 
 
-class FailedRecording(NamedTuple):
-    """A job that failed."""
-
-    reason: str
-
-
 Progress: TypeAlias = Callable[[int, int | None], None]
 """Called with the amount done and the total amount, if known; raises an exception to end a cancelled job."""
 Make: TypeAlias = Callable[[Progress], MadeRecording]
@@ -53,7 +47,7 @@ class RecordingMaker:
         self._cancelled = threading.Event()
         self._label = ""
         self._images: tuple[int, int | None] = 0, None
-        self._result: MadeRecording | FailedRecording | None = None
+        self._result: MadeRecording | str | None = None
 
     @property
     def work(self) -> JobProgress | None:
@@ -75,8 +69,8 @@ class RecordingMaker:
         """Cancel the job at the next image, and leave no files."""
         self._cancelled.set()
 
-    def collect(self) -> MadeRecording | FailedRecording | None:
-        """Return, once, the result of a finished job."""
+    def collect(self) -> MadeRecording | str | None:
+        """Return, once, the result of a finished job, or why it failed."""
         self._worker.collect()
         result, self._result = self._result, None
         return result
@@ -91,18 +85,16 @@ class RecordingMaker:
             raise MakingCancelled
         self._images = done, total
 
-    def _run(self, make: Make) -> MadeRecording | FailedRecording:
+    def _run(self, make: Make) -> MadeRecording | str:
         try:
             return make(self._progress)
         except MakingCancelled:
-            return FailedRecording(f"{self._label} was cancelled; nothing was written.")
+            return f"{self._label} was cancelled; nothing was written."
         except LtvnError as error:
-            return FailedRecording(str(error))
+            return str(error)
         except Exception as error:
             logger.exception("%s failed", self._label)
-            return FailedRecording(
-                f"{self._label} failed ({type(error).__name__}: {error}). The log on the console says more."
-            )
+            return f"{self._label} failed ({type(error).__name__}: {error}). The log on the console says more."
 
-    def _ended(self, result: MadeRecording | FailedRecording) -> None:
+    def _ended(self, result: MadeRecording | str) -> None:
         self._result = result

@@ -123,16 +123,13 @@ class Session:
 
     def send(self, command: c.Command) -> None:
         """Send a command, from any thread; never blocks."""
-        if len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
+        # A stop that does not follow another is accepted even if the queue is full.
+        is_fresh_stop = _is_stop(command) and not _is_stop(next(reversed(self._commands), None))
+        if len(self._commands) < QUEUE_LIMIT or is_fresh_stop:
             self._commands.append(command)
         else:
             self._flood_log.log(logging.WARNING, "too many commands at once; left out %s", command)
         self.wake()
-
-    def _is_fresh_stop(self, command: c.Command) -> bool:
-        """Tell whether a command must be accepted even if the queue is full: a stop that does not follow another."""
-        latest = next(reversed(self._commands), None)
-        return _is_stop(command) and not _is_stop(latest)
 
     def wake(self) -> None:
         """Let the session check commands and the driver now, not only at its next tick. Safe from any thread and from
@@ -293,9 +290,10 @@ def _handle_breakpoint(state: AppState) -> None:
     stop = state.live.breakpoint_monitor.take_latest()
     if stop is None:
         return
+    time_s, why = stop
     held = isinstance(state.activity, Navigation | Playback)
     if isinstance(state.activity, Navigation):
         state.activity.pause()
     how = "Stopped" if held else "Met"
-    state.say(f"{how} at {stop.time_s:.1f} s: {stop.why}. “Stop when …” under “Why” shows it.", Severity.WARN)
+    state.say(f"{how} at {time_s:.1f} s: {why}. “Stop when …” under “Why” shows it.", Severity.WARN)
     state.debugger.mark_stale()

@@ -16,7 +16,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.camera_feed import LargerImage
 from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.floor_plan_clicks import aligning_hint
-from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
+from ltvn_viz.session.snapshot import FineTuningPhase, LoopRates, Snapshot, TimelineStatus, WayNodes
 from ltvn_viz.session.world_handlers import no_story
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
@@ -73,6 +73,9 @@ class SnapshotBuilder:
         self._meter.count()
         activity = state.activity
         making = state.maker.work
+        learning = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
+        if learning.phase is not FineTuningPhase.LEARNING:
+            learning = replace(learning, drive=drive_name(state))
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
         # This is needed even while no question is on show, because the offered questions depend on the run.
         state.debugger.refresh(state, snapshot.moment)
@@ -92,7 +95,7 @@ class SnapshotBuilder:
             drive_is_over=None if state.played is None else state.played.is_over,
             message=state.message,
             floor_plan=None if state.alignment is None else state.alignment.view,
-            fine_tuning=_learning(state),
+            fine_tuning=learning,
             inspection=state.debugger.shown,
             weights=state.live_map.fingerprint,
             can_undo_build=state.live_map.can_undo_rebuild,
@@ -123,11 +126,6 @@ def _time(state: AppState, moment: RunMoment) -> TimelineStatus:
         is_playing=state.plays_past if replay is None else replay.playing,
         speed=state.play_speed,
     )
-
-
-def _learning(state: AppState) -> FineTuningStatus:
-    status = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
-    return status if status.phase is FineTuningPhase.LEARNING else replace(status, drive=drive_name(state))
 
 
 def _live(state: AppState) -> Snapshot:

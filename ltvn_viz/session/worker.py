@@ -7,19 +7,9 @@ session's thread, in the same order.
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
-
-
-class JobQueue(Protocol):
-    """A queue of jobs."""
-
-    def submit(
-        self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
-    ) -> None:
-        """Run `job` later, and then `then` with its result, or `otherwise` if it raised."""
-        ...
 
 
 class _Job(NamedTuple):

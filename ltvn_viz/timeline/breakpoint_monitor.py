@@ -28,21 +28,13 @@ class Breakpoint(NamedTuple):
         return mark.kind is self.kind and self.ids in ((), mark.ids, *((node,) for node in mark.ids))
 
 
-class BreakpointStop(NamedTuple):
-    """A moment at which a breakpoint was met."""
-
-    time_s: float
-    """Time in seconds after the run's beginning."""
-    why: str
-
-
 class BreakpointMonitor:
     """A person's breakpoints, and the latest stop."""
 
     def __init__(self) -> None:
         """Start without breakpoints."""
         self.breakpoints: tuple[Breakpoint, ...] = ()
-        self._news: BreakpointStop | None = None
+        self._news: tuple[float, str] | None = None
 
     def stops_among(self, marks: Sequence[Mark]) -> Sequence[Mark]:
         """Return the marks that meet a breakpoint, in order."""
@@ -56,10 +48,10 @@ class BreakpointMonitor:
 
     def announce(self, run: Timeline, mark: Mark) -> None:
         """Set a mark as the latest stop."""
-        self._news = BreakpointStop(time_of(run, mark), mark.text)
+        self._news = time_of(run, mark), mark.text
 
-    def take_latest(self) -> BreakpointStop | None:
-        """Return the latest stop; None if it was returned before."""
+    def take_latest(self) -> tuple[float, str] | None:
+        """Return time and reason of the latest stop, in seconds after the beginning; None if it was returned before."""
         news, self._news = self._news, None
         return news
 

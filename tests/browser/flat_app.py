@@ -66,8 +66,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
             absence=lambda: server.presence.absence,
         )
         assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
-        parts = build_layout(server, session.send, assets, FLOOR)
-        painter.start(parts)
+        painter.start(*build_layout(server, session.send, assets, FLOOR), lambda: server.shown.scene)
         server.listen(session.listener)
         thread = threading.Thread(target=session.run, name="session")
         thread.start()

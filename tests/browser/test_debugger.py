@@ -113,18 +113,6 @@ def test_the_history_leads_to_the_prune(fault: DebuggerPage) -> None:
     assert fault.seconds == pytest.approx(9.6, abs=0.2)
 
 
-def test_a_replay_stops_at_a_breakpoint(fault: DebuggerPage) -> None:
-    fault.go_to_failure(1)
-    fault.ask(QuestionName.BREAK)
-    fault.follow("prune")
-    assert "once" in fault.says("Met <b>once</b>")
-    fault.page.keyboard.press("Escape")
-    fault.page.get_by_role("button", name="play", exact=True).click()
-    fault.until(lambda: fault.seconds > 9.0 and not fault.is_playing)
-    assert fault.seconds == pytest.approx(9.6, abs=0.2)
-    fault.follow("remove")
-
-
 def test_the_map_is_compared_with_the_good_one(fault: DebuggerPage, planted: Faults) -> None:
     fault.compare_with("demo-map.rrd")
     told = fault.says("nodes", "edges", "pieces")

@@ -34,13 +34,6 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
         yield app
 
 
-@pytest.fixture
-def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1280, height=800, draws=False) as page:
-        page.get_by_text("Next:").wait_for()
-        yield page
-
-
 def view_of(app: FlatApp) -> FloorPlanView:
     view = app.harness.now.floor_plan
     assert view is not None

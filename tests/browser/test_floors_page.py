@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from ltvn_core.navigation.events import Outcome
 from ltvn_viz.session.inspection import QuestionName
@@ -11,7 +11,6 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
-from tests.browser.pages import open_page
 from tests.viz.two_floors import LIFT, lift_ends, nearest, split_rooms
 
 pytestmark = pytest.mark.browser
@@ -22,13 +21,6 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
     with serving(tmp_path_factory.mktemp("recordings")) as app:
         app.session.send(split_rooms(app.harness))
         yield app
-
-
-@pytest.fixture
-def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1280, height=800, draws=False) as page:
-        page.get_by_text("Next:").wait_for()
-        yield page
 
 
 def test_a_lift_is_written_down_waited_for_and_done(app: FlatApp, page: Page) -> None:

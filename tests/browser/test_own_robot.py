@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import Outcome
@@ -16,11 +16,11 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, hold_key, press, wait_for_built_map
-from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S, until
 
+WINDOW = {"width": 1000, "height": 640}
 pytestmark = pytest.mark.browser
 
 EXAMPLE = f"{ROOT / 'examples' / '05_drive_your_own_robot.py'}:make_robot"
@@ -31,13 +31,6 @@ TRIP_S = 2 * PATIENCE_S
 def app(tmp_path: Path) -> Iterator[RunningApp]:
     with running_app(AppOptions(port=0, recordings=tmp_path, robot=EXAMPLE, predictor="network")) as app:
         yield app
-
-
-@pytest.fixture
-def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
-        page.get_by_text("Next:").wait_for()
-        yield page
 
 
 def pose(app: RunningApp) -> Pose:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from ltvn_core.navigation.events import Outcome, QueryEnded
 from ltvn_viz.app import AppOptions, RunningApp
@@ -12,7 +12,6 @@ from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.wishes.commands import Mode
 from tests.browser import newcomer
 from tests.browser.actions import wait_for_rest
-from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.waiting import until
 
@@ -28,13 +27,6 @@ STEPS = 30
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
     with running_app(AppOptions(port=0, recordings=tmp_path_factory.mktemp("recordings"))) as app:
         yield app
-
-
-@pytest.fixture
-def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1280, height=800, draws=False) as page:
-        page.get_by_text("Next:").wait_for()
-        yield page
 
 
 def told(app: RunningApp) -> StoryTeller:

@@ -263,7 +263,7 @@ class SessionHarness:
         writer = next(writer for writer in self.writers if writer.path.name == name)
         frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in writer.frames]
         pictures = {seen.step: seen for seen in writer.frames}
-        return Playback(name, "flat", Timeline.of(writer.events, frames), _StoredObservations(pictures))
+        return Playback(name, "flat", Timeline.of(writer.events, frames), pictures.__getitem__)
 
     def _open_writer(self, path: Path) -> FakeWriter:
         path.touch(exist_ok=False)
@@ -282,14 +282,6 @@ def mapped_tour(
     empty = TopologicalMap.of(FlatPredictor(world), ltvn_system(ROBUST))
     live_map = LiveMap(empty, np.random.default_rng(0))
     return seen, tuple(delta for picture in seen for delta in live_map.offer(picture))
-
-
-@dataclass
-class _StoredObservations:
-    by_frame: dict[FrameId, Observation]
-
-    def observation(self, frame: FrameId) -> Observation:
-        return self.by_frame[frame]
 
 
 def said(shown: Snapshot | AppState) -> str:

@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,14 +90,6 @@ MethodChoice: TypeAlias = Callable[[RecordingMetadata], ReplayMethod | None]
 """Returns the method that compares a recording's images; None for the method of the robot."""
 
 
-class ObservationSource(Protocol):
-    """Source of the images of a replay's frames."""
-
-    def observation(self, frame: FrameId) -> Observation:
-        """Read one image."""
-        ...
-
-
 class Playback:
     """An open recording."""
 
@@ -108,7 +100,7 @@ class Playback:
         name: str,
         scene: str,
         timeline: Timeline,
-        observations: ObservationSource,
+        observation: Callable[[FrameId], Observation],
         *,
         camera: CameraModel = LOCOBOT.camera,
         weights: str = "",
@@ -133,7 +125,7 @@ class Playback:
         self.is_imported = is_imported
         self.method = method
         self.timeline = timeline
-        self._observations = observations
+        self._observation = observation
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
@@ -192,7 +184,7 @@ class Playback:
     def observation(self, frame: FrameId) -> Observation | None:
         """Return an image of the recording, for a thumbnail; None when it has none."""
         try:
-            return self._observations.observation(frame)
+            return self._observation(frame)
         except LtvnError:
             return None
 
@@ -219,7 +211,7 @@ def read_replay(path: Path, choose_method: MethodChoice = lambda _: None) -> Pla
         readable(path.name),
         meta.scene,
         timeline,
-        recording,
+        recording.observation,
         camera=meta.camera,
         weights=meta.fingerprint,
         system=str(meta.config.get("system", "")),

@@ -24,12 +24,6 @@ def test_a_quantity_that_never_changes_is_a_line_of_text() -> None:
     assert answer_text(builder.build().answer) == "nodes: 27 throughout"
 
 
-def test_a_quantity_that_changes_is_drawn() -> None:
-    builder = AnswerBuilder()
-    builder.add_chart(nodes_chart(27, 28, 27))
-    assert builder.build().answer.blocks == (nodes_chart(27, 28, 27),)
-
-
 def test_the_name_of_a_limit_lies_below_all_that_a_curve_can_reach() -> None:
     x, y = Axis("time, s", 0.0, 10.0), Axis("margin", *PROBABILITY)
     chart = StepChart(((0.0, 0.0), (5.0, 1.0)), x, y, palette.SOURCE, limits=((0.3, "below: ambiguous"),))

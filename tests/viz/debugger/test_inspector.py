@@ -144,18 +144,3 @@ def test_a_link_of_another_question_says_that_it_is_gone(harness: SessionHarness
     gone = harness.do(c.Ask(c.Action.QUESTION, QuestionName.TIME), c.Ask(c.Action.FOLLOW, link_numbers(shown)[0]))
     assert gone.inspection.selection.edge == (source, target)
     assert "replaced before your click arrived" in said(gone)
-
-
-def test_the_live_run_can_be_looked_back_at_and_come_back_from(harness: SessionHarness) -> None:
-    harness.do(c.Ask(c.Action.PICK, max(harness.state.live_map.graph.nodes)))
-    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
-    end = harness.now.moment.stamp
-    before = harness.do(c.Seek(0.2))
-    now = harness.do(c.Seek(1e6))
-    assert before.moment.stamp < end
-    assert now.moment.stamp >= end
-
-
-def test_text_that_no_question_asked_for_are_answered_with_what_to_do(harness: SessionHarness) -> None:
-    snapshot = harness.do(c.Ask(c.Action.TELL, "hello"))
-    assert "Nothing can be typed here" in said(snapshot)

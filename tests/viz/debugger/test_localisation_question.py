@@ -8,8 +8,7 @@ import pytest
 
 from ltvn_core.analysis.answer import StepChart
 from ltvn_core.analysis.answer_text import answer_text
-from ltvn_viz.debugger.background_cache import BackgroundCache
-from ltvn_viz.debugger.inspector import DebugContextBuilder
+from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.options import AppOptions
@@ -60,7 +59,8 @@ def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
     state = SessionHarness(tmp_path, mapped=False).state
     shown = LocalisationQuestion().answer(
-        DebugContextBuilder(BackgroundCache(state.worker, lambda: None)).build(state, RunMoment()), NOTHING_SELECTED
+        Inspector((), state.worker).context(state, RunMoment()),
+        NOTHING_SELECTED,
     )
     assert "The map is empty" in answer_text(shown.answer)
 

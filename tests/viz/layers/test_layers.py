@@ -203,11 +203,6 @@ def test_the_node_marker_points_ahead_and_is_closed() -> None:
     assert set(Counter(map(tuple, sides.tolist())).values()) == {2}
 
 
-def test_colours_of_p_are_told_apart_at_the_ends() -> None:
-    low, high = palette.probability_colours([0.0, 1.0]).astype(int)
-    assert np.abs(low - high).sum() > 250
-
-
 def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServer) -> None:
     nodes, edges, graph = NodesLayer(server.scene), EdgesLayer(server.scene), big_graph(5, 7)
     nodes.show(Snapshot(moment=RunMoment(graph=graph)))

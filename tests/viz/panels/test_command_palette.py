@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import viser
 
-from ltvn_viz.panels.command_palette import CommandPalette, list_stop
+from ltvn_viz.panels.command_palette import CommandPalette
 from ltvn_viz.session.snapshot import BoxView, DoorView, Snapshot, WorldView
 from ltvn_viz.wishes.commands import Action, Mode
 from ltvn_viz.wishes.wish_table import WISHES
@@ -97,11 +97,3 @@ def test_what_makes_no_sense_now_is_grey_and_says_why(server: viser.ViserServer,
                 assert handle.disabled == (mode not in WISHES[Action.GOAL].modes)
             if handle.disabled:
                 assert "Not possible now" in (handle.description or ""), label
-
-
-def test_every_page_can_stop_the_robot_by_the_palette(server: viser.ViserServer) -> None:
-    stops: list[str] = []
-    list_stop(server.gui, lambda: stops.append("stopped"))
-    (handle,) = listed(server).values()
-    trigger(handle)
-    assert stops == ["stopped"]

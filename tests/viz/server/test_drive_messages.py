@@ -5,7 +5,6 @@ import json
 import pytest
 
 from ltvn_viz.server.drive_messages import DriveMessage, MessageError, parse_message
-from ltvn_viz.server.driver_seat import HeldInput
 from ltvn_viz.server.keymap import Direction
 from ltvn_viz.wishes.commands import Action, Ask
 from ltvn_viz.wishes.wish_table import MAX_TEXT
@@ -15,7 +14,7 @@ ACTION = {"type": "action", "action": "stop", "value": None}
 
 
 def test_a_drive_message_carries_everything_that_is_held() -> None:
-    assert parse_message(json.dumps(DRIVE)) == DriveMessage(HeldInput(frozenset({Direction.FORWARD})), 3, 0.04)
+    assert parse_message(json.dumps(DRIVE)) == DriveMessage(frozenset({Direction.FORWARD}), (0, 0), False, 3, 40)
 
 
 def test_an_action_may_name_what_was_clicked() -> None:

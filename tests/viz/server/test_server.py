@@ -276,14 +276,14 @@ def test_the_larger_picture_is_sent_to_pages_that_show_the_camera_and_to_no_othe
     with open_socket(server, "/drive") as showing, open_socket(server, "/drive") as folded:
         for page, shows in ((showing, True), (folded, False)):
             page.send(json.dumps({"type": "view", "scene": False, "camera": shows}))
-        until(lambda: server.shown.shows_camera)
+        until(lambda: server.shown.camera)
         server.tell(Newest.LARGER, b"\0larger")
         assert b"\0larger" in pictures(showing)
         server.tell(Newest.PICTURE, b"the last")
         assert b"\0larger" not in list(iter(pictures(folded).__next__, b"the last"))
         folded.send(json.dumps({"type": "view", "scene": False, "camera": True}))
         assert next(pictures(folded)) == b"\0larger"
-    until(lambda: not server.shown.shows_camera)
+    until(lambda: not server.shown.camera)
 
 
 def test_no_part_of_the_page_s_script_replaces_a_function_of_another_part() -> None:

@@ -103,19 +103,6 @@ def test_picking_a_node_goes_there_when_idle_and_only_chooses_it_on_the_way(harn
     assert shown.selected == second
 
 
-def test_an_illegal_command_is_refused_with_what_to_do_first(harness: SessionHarness) -> None:
-    shown = harness.do(c.Ask(c.Action.PAUSE))
-    assert shown.message is not None
-    assert shown.message.severity is Severity.WARN
-    assert "Pause" in said(shown)
-    assert "goal" in said(shown)
-
-
-@pytest.mark.parametrize("mode", Mode)
-def test_every_mode_has_a_way_on(mode: Mode) -> None:
-    assert any(mode in wish.modes for action, wish in WISHES.items() if action is not c.Action.STOP)
-
-
 def test_a_goal_outside_the_map_is_a_clear_error(harness: SessionHarness) -> None:
     shown = harness.do(c.Ask(c.Action.GOAL, 99_999))
     assert shown.mode is Mode.TELEOP

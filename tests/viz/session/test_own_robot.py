@@ -286,6 +286,6 @@ def test_a_recorded_drive_begins_when_somebody_looks_and_can_be_played_again(tmp
     shown = wait(3.0)
     assert shown.moment.frames > before
     assert "is over" in hint(shown)
-    assert health_of(shown).health is Health.GOOD
+    assert health_of(shown)[0] is Health.GOOD
     session.send(c.Ask(c.Action.PLAY_DRIVE))
     assert wait(3.0).moment.frames > shown.moment.frames

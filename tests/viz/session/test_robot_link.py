@@ -69,7 +69,7 @@ def test_a_weak_link_is_slow_and_a_lost_one_is_trouble(
 ) -> None:
     report = replace(WELL, **change)
     assert report.quality is quality
-    assert health_of(Snapshot(link=report)).health is health
+    assert health_of(Snapshot(link=report))[0] is health
 
 
 def test_the_line_is_quiet_and_the_numbers_are_behind_it() -> None:

@@ -5,7 +5,6 @@ from urllib.parse import urlsplit
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.server.drive_messages import LinkMessage, parse_message
 from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import QUESTION_WORDS, commands_from_link, link, question_commands
 from ltvn_viz.wishes import commands as c
@@ -60,10 +59,6 @@ def test_an_address_that_is_no_link_asks_for_nothing(query: str) -> None:
 def test_a_link_that_makes_no_sense_is_refused_in_words(query: str) -> None:
     with pytest.raises(OptionError, match=r"[Ll]ink"):
         commands_from_link(query)
-
-
-def test_a_link_travels_to_the_server_unread() -> None:
-    assert parse_message('{"type": "link", "query": "replay=a.rrd"}') == LinkMessage("replay=a.rrd")
 
 
 def test_a_question_is_asked_by_its_word_and_a_wrong_word_names_the_right_ones() -> None:

@@ -5,10 +5,9 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
-from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard
+from ltvn_core.network.training_data.shards import DatasetRecipe
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.simulation.rendering.renderer_opening import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
@@ -17,12 +16,12 @@ from ltvn_core.simulation.scene_registry import load_scene
 def learn() -> list[Measurement]:
     """Compare training's pairs per second with a plain float32 loop of the same network that encodes both images."""
     scene = load_scene("demo")
-    shard = make_shard(DatasetScene(scene.name, scene.clearance, open_renderer(scene)), DatasetRecipe(clusters=40))
+    shard = DatasetRecipe(clusters=40).make(DatasetScene(scene.name, scene.clearance, open_renderer(scene)))
     retain_freed_memory()
     sampler, trainer, plain = BatchSampler([shard]), Trainer(Hyperparameters()), UnoptimizedTrainer()
-    trainer.step(sampler, FLOAT32, 0.5)
+    trainer.step(sampler, 0.5)
     pairs = trainer.pairs
     batch = sampler.draw(np.random.default_rng(0), groups=10, pairs_per_group=18)
-    ratio = alternating(lambda: trainer.step(sampler, FLOAT32, 0.5), lambda: plain.step(batch), 3)
+    ratio = alternating(lambda: trainer.step(sampler, 0.5), lambda: plain.step(batch), 3)
     faster = ratio * pairs / plain.pairs
     return [measured("training: pairs per second against a plain loop", faster, "x more", at_least=2)]

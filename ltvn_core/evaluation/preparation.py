@@ -31,7 +31,7 @@ from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.fine_tuning_data import system_training
+from ltvn_core.training.fine_tuning_data import SystemTraining
 from ltvn_core.types import FrameId, Observation, is_usable
 
 _LOG = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ def _fine_tune(files: RunFiles) -> None:
     from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
     from ltvn_core.training.fine_tuning_data import label_drive
 
-    training = system_training(system_entry(plan.system))
+    training = SystemTraining(system_entry(plan.system).learning)
     name = files.weights.stem
     fine_tune(
         label_drive(_observations(files.drive), name, camera=LOCOBOT.camera, rule=training.label_rule()),

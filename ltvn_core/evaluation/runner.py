@@ -48,7 +48,7 @@ from ltvn_core.evaluation.worlds.world_schedule import WorldSchedule, draw_world
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.fine_tuning_data import system_training
+from ltvn_core.training.fine_tuning_data import SystemTraining
 
 BATCH_SIZE = 25
 """Number of queries or episodes in a batch. Small, so that an interruption loses few and all cores finish at nearly the
@@ -186,7 +186,7 @@ def _prepare_all(share: Sequence[RunFiles], parallel: Workers) -> None:
     for files in share:
         claim_files(files)
     for system in {each.plan.system for each in share if each.plan.finetuned and not each.weights.exists()}:
-        system_training(system_entry(system)).rehearsal().prepare()  # Prepared once for all processes.
+        SystemTraining(system_entry(system).learning).rehearsal().prepare()  # Prepared once for all processes.
     for _ in parallel(delayed(prepare)(files) for files in share):
         pass
     in_worlds = {files.world_queries: files for files in share if files.plan.schedule.world}

@@ -5,6 +5,7 @@ default.
 """
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ltvn_core.network.architecture import AnyArchitecture
-from ltvn_core.network.image_features import FeaturesT
+from ltvn_core.network.device import device_of
+from ltvn_core.network.image_features import FeaturesT, to_float32
 from ltvn_core.network.loss import cross_entropy
 from ltvn_core.network.pair_head import PairOutput
 from ltvn_core.types import Features
@@ -103,3 +105,25 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
 
 AnyNetwork = BaseNetwork[Any]
 """A network of any family."""
+
+
+@dataclass(frozen=True, slots=True)
+class MixedPrecision:
+    """Runs a network with layers in bfloat16 on request; `PairNetwork` matches and aligns in float32 all the same."""
+
+    bfloat16: bool = False
+
+    def encode(self, network: BaseNetwork[FeaturesT], rgb: Tensor, depth: Tensor) -> FeaturesT:
+        """Encode images and return float32 features."""
+        with torch.autocast(rgb.device.type, torch.bfloat16, enabled=self.bfloat16):
+            features = network.encode(rgb, depth)
+        return to_float32(features)
+
+    def compare(self, network: BaseNetwork[FeaturesT], source: FeaturesT, target: FeaturesT) -> PairOutput:
+        """Compare P sources with P targets and return float32 outputs."""
+        with torch.autocast(device_of(network).type, torch.bfloat16, enabled=self.bfloat16):
+            output = network.compare(source, target)
+        return output._replace(logit=output.logit.float(), pose=output.pose.float())
+
+
+FLOAT32 = MixedPrecision()

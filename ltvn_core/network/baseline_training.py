@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.geometry import relative
 from ltvn_core.network.architecture import PairArchitecture
 from ltvn_core.network.metrics import pair_metrics, share
 from ltvn_core.network.model_card import TrainingDataSummary
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingPlan
-from ltvn_core.network.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.network.pair_evaluation import compare_labelled
 from ltvn_core.network.training_examples import FarCriterion, SceneExamples
 from ltvn_core.types import Predictor
 
@@ -105,18 +104,8 @@ class BaselineCard:
 
 def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
     """Evaluate a predictor on all labelled pairs of scenes."""
-    found_in = [
-        predict_pairs(
-            predictor,
-            encode_images(predictor, scene.rgb, scene.depth_mm),
-            scene.sources.astype(np.intp),
-            scene.targets.astype(np.intp),
-        )
-        for scene in scenes
-    ]
-    scores, waypoints = (np.concatenate(part) for part in zip(*found_in, strict=True))
-    reachable = np.concatenate([scene.reachable for scene in scenes])
-    true = np.concatenate([relative(scene.poses[scene.sources], scene.poses[scene.targets]) for scene in scenes])
+    parts = [compare_labelled(predictor, scene, np.arange(len(scene.sources))) for scene in scenes]
+    scores, waypoints, reachable, true = (np.concatenate(column) for column in zip(*parts, strict=True))
     found = asdict(pair_metrics(scores, waypoints, reachable, true))
     named = {field.name: found[field.name] for field in fields(BaselineMetrics) if field.name in found}
     return BaselineMetrics(accuracy=share((scores > 0.5) == reachable), **named)

@@ -90,17 +90,14 @@ def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:
         parent = card.get("parent_card")
         return read_driving(parent) if isinstance(parent, Mapping) else None
     try:
-        return _checked(cattrs.structure(section, DrivingMeasurements))
+        measured = cattrs.structure(section, DrivingMeasurements)
+        for rate in (measured.success_if_reachable, measured.success_if_not):
+            SuccessRate.of(rate.successes, rate.trials)
+        if not 0 <= measured.distance_sigma < float("inf"):
+            raise ValueError(f"the standard deviation of d must be 0 or more, got {measured.distance_sigma}")
     except (cattrs.BaseValidationError, TypeError, ValueError) as error:
         raise WeightsError(
             f"The part {DRIVING_SECTION!r} of the weights' card is damaged ({error}); copy the card anew, or remove "
             "this part of it to use the default constants."
         ) from error
-
-
-def _checked(measured: DrivingMeasurements) -> DrivingMeasurements:
-    for rate in (measured.success_if_reachable, measured.success_if_not):
-        SuccessRate.of(rate.successes, rate.trials)
-    if not 0 <= measured.distance_sigma < float("inf"):
-        raise ValueError(f"the standard deviation of d must be 0 or more, got {measured.distance_sigma}")
     return measured

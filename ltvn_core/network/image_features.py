@@ -97,19 +97,10 @@ def place_columns(architecture: PairArchitecture) -> tuple[slice, slice]:
     return slice(end - 2 * width, end - width), slice(end - width, end)
 
 
-def _shapes(architecture: PairArchitecture) -> tuple[tuple[int, ...], ...]:
-    tokens = architecture.token_count
-    size = architecture
-    return (
-        (tokens, size.descriptor),
-        (tokens,),
-        (tokens,),
-        (tokens, size.value),
-        (tokens, 3),
-        (size.depth_count,),
-        (size.place,),
-        (size.place,),
-    )
+def _shapes(size: PairArchitecture) -> tuple[tuple[int, ...], ...]:
+    tokens = size.token_count
+    of_tokens = (tokens, size.descriptor), (tokens,), (tokens,), (tokens, size.value), (tokens, 3)
+    return *of_tokens, (size.depth_count,), (size.place,), (size.place,)
 
 
 def _lengths(architecture: PairArchitecture) -> list[int]:

@@ -4,9 +4,9 @@ Owns the measurement of size and speed on this machine. `ltvn_core.network.weigh
 weights.
 """
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from timeit import repeat
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.driving_calibration import DrivingMeasurements
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics
 from ltvn_core.network.optimization.training_loop import TrainingPlan
+from ltvn_core.network.pair_evaluation import encode_images
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.types import Observation
 
-_FARTHEST_M = 5.0
+_FARTHEST_MM = 5000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,38 +36,14 @@ class InferenceSpeed:
 def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) -> InferenceSpeed:
     """Measure a network on random images, with as many pairs as images, and return the fastest of several repeats."""
     predictor = NetworkPredictor(network, "in measurement", prefilter_from=None)
-    observations = _noise(images)
-    features = predictor.encode(observations)
-    return InferenceSpeed(
-        sum(each.numel() for each in network.parameters()),
-        _fastest_ms(lambda: predictor.encode(observations), repeats) / images,
-        _fastest_ms(lambda: predictor.predict(features, features[::-1]), repeats) / images,
-    )
-
-
-def _noise(images: int) -> list[Observation]:
     rng = np.random.default_rng(0)
-    nowhere = np.zeros(3)
-    shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
-    return [
-        Observation(
-            rgb=rng.integers(0, 256, (*shape, 3), dtype=np.uint8),
-            depth=rng.uniform(0, _FARTHEST_M, shape).astype(np.float32),
-            odometry=nowhere,
-            stamp=0.0,
-            step=step,
-        )
-        for step in range(images)
-    ]
-
-
-def _fastest_ms(work: Callable[[], object], repeats: int) -> float:
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - start)
-    return 1e3 * min(seconds)
+    shape = (images, NETWORK_CAMERA.height, NETWORK_CAMERA.width)
+    rgb, depth_mm = rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, _FARTHEST_MM, shape, np.uint16)
+    features = encode_images(predictor, rgb, depth_mm)
+    encode_s = min(repeat(lambda: encode_images(predictor, rgb, depth_mm), number=1, repeat=repeats))
+    pair_s = min(repeat(lambda: predictor.predict(features, features[::-1]), number=1, repeat=repeats))
+    parameters = sum(each.numel() for each in network.parameters())
+    return InferenceSpeed(parameters, 1e3 * encode_s / images, 1e3 * pair_s / images)
 
 
 @dataclass(frozen=True)

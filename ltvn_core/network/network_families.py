@@ -139,7 +139,10 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
         super().__init__()
         self._size = size = size or StackedArchitecture()
         widths = (size.stem, size.quarter, size.eighth, size.sixteenth, size.last)
-        stages = [residual_stage(*each) for each in pairwise(widths)]
+        stages = [
+            nn.Sequential(conv_block(inputs, outputs, stride=2), ResidualBlock(outputs), ResidualBlock(outputs))
+            for inputs, outputs in pairwise(widths)
+        ]
         self.trunk = nn.Sequential(conv_block(8, size.stem, stride=2, kernel=5), *stages)
         self.last = nn.Sequential(nn.Linear(size.last, size.hidden), nn.ReLU(), nn.Linear(size.hidden, 5))
 
@@ -175,11 +178,6 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
         return features.rgb.new_zeros(len(features.rgb), len(features.rgb))
 
 
-def residual_stage(inputs: int, outputs: int) -> nn.Sequential:
-    """Return the layers of one resolution: a convolution of stride 2, then two residual blocks."""
-    return nn.Sequential(conv_block(inputs, outputs, stride=2), ResidualBlock(outputs), ResidualBlock(outputs))
-
-
 NEGATIVES = 50
 """Number of unreachable pairs that each reachable pair is contrasted with; HTM's value."""
 
@@ -191,7 +189,11 @@ class EnsembleNetwork(PairNetwork):
         size = size or EnsembleArchitecture()
         super().__init__(size)
         self.requires_grad_(False)
-        self.members = nn.ModuleList(_last_layers(size) for _ in range(size.members))
+        numbers, wide, narrow = summary_length(size), size.member_hidden, size.member_hidden // 2
+        self.members = nn.ModuleList(
+            nn.Sequential(nn.Linear(numbers, wide), nn.ReLU(), nn.Linear(wide, narrow), nn.ReLU(), nn.Linear(narrow, 1))
+            for _ in range(size.members)
+        )
 
     def train(self, mode: bool = True) -> Self:
         """Set the training mode of the added layers; batch normalisation below them keeps its statistics."""
@@ -205,14 +207,10 @@ class EnsembleNetwork(PairNetwork):
         with torch.autocast(source.points.device.type, enabled=False):
             summary = self.head.summarise(source, target)
             logits = torch.cat([member(summary.numbers) for member in self.members], dim=1)
-            return PairOutput(self._judge(logits), self.head.conclude(summary).pose)
-
-    def _judge(self, logits: Tensor) -> Tensor:
-        """Return the lowest of each pair's logits (P, M) as (P,); in training, the logit of the assigned member."""
-        if not self.training:
-            return logits.min(dim=1).values
-        pairs = torch.arange(len(logits), device=logits.device)
-        return logits[pairs, pairs % logits.shape[1]]
+            pairs = torch.arange(len(logits), device=logits.device)
+            # While training, each pair is learned by one member.
+            judged = logits[pairs, pairs % logits.shape[1]] if self.training else logits.min(dim=1).values
+            return PairOutput(judged, self.head.conclude(summary).pose)
 
     def auxiliary_losses(self, compared: ComparedBatch[ImageFeatures]) -> dict[str, Tensor]:
         """Return no terms, because the layers that they train are frozen."""
@@ -228,15 +226,6 @@ class ContrastiveNetwork(EnsembleNetwork):
     def reachability_loss(self, logit: Tensor, reachable: Tensor) -> Tensor:
         """Return InfoNCE for P pairs, (P,)."""
         return contrastive_loss(logit, reachable, negatives=NEGATIVES)
-
-
-def _last_layers(size: EnsembleArchitecture) -> nn.Sequential:
-    """Return layers from a summary to a logit."""
-    wide = size.member_hidden
-    narrow = size.member_hidden // 2
-    return nn.Sequential(
-        nn.Linear(summary_length(size), wide), nn.ReLU(), nn.Linear(wide, narrow), nn.ReLU(), nn.Linear(narrow, 1)
-    )
 
 
 _FAMILIES: Mapping[type[AnyArchitecture], Callable[[Any], AnyNetwork]] = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import relative
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
 from ltvn_core.network.training_examples import SceneExamples
-from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor
+from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor, Waypoint
 
 _PAIRS_AT_ONCE = 8192
 
@@ -27,7 +27,7 @@ class LabelledDrive:
     depth_mm: NDArray[np.uint16]
     """(N, H, W) depth in millimetres; 0 where missing."""
     near: NDArray[np.bool_]
-    """(N, N) near pairs, see `ltvn_core.network.training_data.pose_sampling.NearFarLimits`."""
+    """(N, N) near pairs, see `ltvn_core.network.training_data.pose_sampling.classify_near_far`."""
     far: NDArray[np.bool_]
     """(N, N) far pairs."""
     poses: Pose
@@ -40,22 +40,25 @@ def evaluate_pairs(
     predictor: Predictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
 ) -> PairMetrics:
     """Evaluate a predictor on labelled pairs; with `limit`, on a random sample of that size from each scene."""
-    predictions = []
-    reachable = []
-    true = []
+    parts = []
     for scene in scenes:
         pairs = np.arange(len(scene.sources))
         if limit is not None and limit < len(pairs):
             pairs = np.sort(rng.choice(pairs, limit, replace=False))
-        i = scene.sources[pairs]
-        j = scene.targets[pairs]
-        used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
-        features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
-        predictions.append(predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :]))
-        reachable.append(scene.reachable[pairs])
-        true.append(relative(scene.poses[i], scene.poses[j]))
-    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
-    return pair_metrics(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+        parts.append(compare_labelled(predictor, scene, pairs))
+    return pair_metrics(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def compare_labelled(
+    predictor: Predictor, scene: SceneExamples, pairs: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], Waypoint, NDArray[np.bool_], Waypoint]:
+    """Return reachability and waypoint as predicted, and then as labelled, of some labelled pairs of a scene."""
+    i, j = scene.sources[pairs], scene.targets[pairs]
+    used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
+    features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
+    found = predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :])
+    true = relative(scene.poses[i], scene.poses[j])
+    return found.reachability, found.waypoints, scene.reachable[pairs], true
 
 
 def evaluate_drives(
@@ -79,37 +82,14 @@ def evaluate_drives(
 
 def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> tuple[PairMetrics, DriveMetrics]:
     """Evaluate a predictor on all ordered image pairs of drives, and on the near and far ones among them."""
-    predictions = []
-    reachable = []
-    true = []
-    near = []
-    far = []
+    parts = []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         i, j = np.nonzero(~np.eye(len(features), dtype=bool))
-        predictions.append(predict_pairs(predictor, features, i, j))
-        reachable.append(drive.reachable[i, j])
-        true.append(relative(drive.poses[i], drive.poses[j]))
-        near.append(drive.near[i, j])
-        far.append(drive.far[i, j])
-    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
-    pairs = pair_metrics(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
-    return pairs, drive_metrics(scores[np.concatenate(near)], scores[np.concatenate(far)])
-
-
-def subsample_drive(drive: LabelledDrive, *, every: int) -> LabelledDrive:
-    """Return a drive with every n-th image."""
-    kept = slice(None, None, every)
-    near, far, reachable = (pairs[kept, kept] for pairs in (drive.near, drive.far, drive.reachable))
-    return LabelledDrive(
-        name=drive.name,
-        rgb=drive.rgb[kept],
-        depth_mm=drive.depth_mm[kept],
-        near=near,
-        far=far,
-        poses=drive.poses[kept],
-        reachable=reachable,
-    )
+        labels = drive.reachable[i, j], relative(drive.poses[i], drive.poses[j]), drive.near[i, j], drive.far[i, j]
+        parts.append((*predict_pairs(predictor, features, i, j), *labels))
+    *compared, near, far = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return pair_metrics(*compared), drive_metrics(compared[0][near], compared[0][far])
 
 
 def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:

@@ -274,13 +274,14 @@ class PairHead(nn.Module):
         motion = align(source.points, matched_again[..., :3], weights)
         apart = motion.apply(matched_again[..., :3]) - source.points
         tokens = self.tokens(source, matched_again[..., 3:], apart, [mass, mass_again])
+        both = torch.stack([weights, mass], dim=1)
         numbers = torch.cat(
             [
                 self.pool(tokens),
                 rough.numbers(),
                 motion.numbers(),
                 torch.stack([mass, mass_again], dim=1).mean(-1),
-                weighted_means(torch.tanh(apart.norm(dim=-1)), torch.stack([weights, mass], dim=1)),
+                (both @ torch.tanh(apart.norm(dim=-1))[..., None])[..., 0] / (both.sum(-1) + 1e-3),
                 self.verify(source.depth, target.depth, motion.detach()),
             ],
             dim=-1,
@@ -360,8 +361,3 @@ def token_trust(source: ImageFeatures) -> Tensor:
 def spread(source: ImageFeatures) -> Tensor:
     """Return (P, T): the square of a token's uncertainty in metres, which grows with its distance."""
     return (0.2 + 0.1 * source.points[..., 0]).square()
-
-
-def weighted_means(numbers: Tensor, weights: Tensor) -> Tensor:
-    """Return (P, K): means of numbers (P, N) by K weights (P, K, N)."""
-    return (weights @ numbers[..., None])[..., 0] / (weights.sum(-1) + 1e-3)

@@ -15,7 +15,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
 from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
@@ -47,7 +46,11 @@ class Comparison:
         """Return reachability (P,) and poses (P, 4) for rows (P, F) or (1, F) and (P, F)."""
         self._calls += 1
         if self._recorded is None and self._may_record and self._calls > _CALLS_BEFORE_RECORDING:
-            self._recorded = _record(self._steps, sources, targets)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # It recommends alternatives that need a compiler and take minutes.
+                recorded = torch.jit.trace(self._steps, (sources, targets), check_trace=False)
+            assert isinstance(recorded, torch.jit.ScriptModule)
+            self._recorded = recorded
         return (self._recorded or self._steps)(sources, targets)
 
 
@@ -65,14 +68,6 @@ class _ComparisonSteps(nn.Module):
         here = here._make([part.expand(targets.shape[0], *part.shape[1:]) for part in here])
         output = self.network.compare(here, there)
         return self.network.reachability(output.logit), output.pose
-
-
-def _record(steps: nn.Module, sources: Tensor, targets: Tensor) -> torch.jit.ScriptModule:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # The warning recommends alternatives that need a compiler and take minutes.
-        recorded = torch.jit.trace(steps, (sources, targets), check_trace=False)
-    assert isinstance(recorded, torch.jit.ScriptModule)
-    return recorded
 
 
 PREFILTER_FROM = 200
@@ -107,22 +102,16 @@ class NetworkPredictor:
         self._network = network.eval()
         self._compare = Comparison(network)
         self._device = device_of(network)
-        self._fingerprint = fingerprint
+        self.fingerprint = fingerprint
+        """Fingerprint of the weights."""
         self._prefilter_from = prefilter_from
         self._weights = weights
 
     needs_depth = True
     """Depth is required, because matching and alignment use the 3D points of tokens."""
 
-    @property
-    def fingerprint(self) -> str:
-        """Fingerprint of the weights."""
-        return self._fingerprint
-
-    @property
-    def camera(self) -> CameraModel:
-        """The camera of the input images: 96 x 72 pixels, 69.4 degrees wide, level."""
-        return NETWORK_CAMERA
+    camera = NETWORK_CAMERA
+    """The camera of the input images: 96 x 72 pixels, 69.4 degrees wide, level."""
 
     @property
     def likelihoods(self) -> Likelihoods | None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.types import Pose, Waypoint
 
 DISTANCE_BINS_M = np.array([0.25, 0.5, 0.8, 1.1, 1.4, 1.8, 2.2])
@@ -152,7 +153,8 @@ class BatchSampler:
         for scene, group in chosen:
             for image in self._images[scene][group]:
                 rows[scene, int(image)] = len(rows)
-            pairs.extend(self._labelled(scene, int(k)) for k in self._choose(rng, scene, group, pairs_per_group))
+            drawn = _weighted_sample(rng, self._pairs[scene][group], self._weights[scene], pairs_per_group)
+            pairs.extend(self._labelled(scene, int(k)) for k in drawn)
         pairs.extend(across)
         keys = list(rows)
         return TrainingBatch(
@@ -165,12 +167,13 @@ class BatchSampler:
             reachable=np.array([reachable for *_, reachable in pairs], bool),
         )
 
-    def _choose(self, rng: np.random.Generator, scene: int, group: int, count: int) -> NDArray[np.intp]:
-        """Return pairs of a group, drawn without replacement by weight."""
-        pairs = self._pairs[scene][group]
-        # The smallest of exponential keys with these rates are a weighted sample without replacement.
-        keys = rng.exponential(size=len(pairs)) / self._weights[scene][pairs]
-        return pairs[np.argsort(keys)[:count]]
+
+def _weighted_sample(
+    rng: np.random.Generator, pairs: NDArray[np.intp], weights: NDArray[np.float64], count: int
+) -> NDArray[np.intp]:
+    """Return up to `count` of some pairs, drawn without replacement by the weights of all pairs."""
+    # The smallest of exponential keys with these rates are such a sample.
+    return pairs[np.argsort(rng.exponential(size=len(pairs)) / weights[pairs])[:count]]
 
 
 def _pairs_by_group(scene: SceneExamples, mask: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
@@ -208,27 +211,19 @@ WINDOW_IMAGES = 8
 """Number of images drawn from one section of the drive, the size of a simulated cluster."""
 
 
-class LabelledTrajectory(SceneExamples, Protocol):
-    """Images of one drive in their order, labelled by odometry; see `network.training_data.trajectory_pairs`."""
-
-    @property
-    def piece(self) -> NDArray[np.int32]: ...
-    @property
-    def held_out(self) -> NDArray[np.bool_]: ...
-    def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]: ...
-
-
 class MixedBatchSampler(BatchSampler):
     """Draws batches from a drive and from simulated scenes; the drive has the scene number after the last scene."""
 
     def __init__(
-        self, drive: LabelledTrajectory, scenes: Sequence[SceneExamples], far: FarCriterion, *, evened: bool = True
+        self, drive: TrajectoryPairs, scenes: Sequence[SceneExamples], far: FarCriterion, *, evened: bool = True
     ) -> None:
         super().__init__(scenes, evened=evened)
         self.drive = drive
         self.far = far
         self.reach = int(np.abs(drive.targets - drive.sources).max(initial=1))
-        self._pair_at = _pair_table(drive, self.reach)
+        # The labelled pair (N, 2 reach + 1) from each image to those up to `reach` before or after it, or -1.
+        self._pair_at = np.full((len(drive.poses), 2 * self.reach + 1), -1)
+        self._pair_at[drive.sources, drive.targets - drive.sources + self.reach] = np.arange(len(drive.sources))
         self._weights_of_drive = _even_weights(drive) if evened else np.ones(len(drive.sources))
         self._held_out = drive.held_out
         self.learnable = np.flatnonzero(~self._held_out)
@@ -290,9 +285,7 @@ class MixedBatchSampler(BatchSampler):
         apart = rows[None, :] - rows[:, None]
         near = np.abs(apart) <= self.reach
         pairs = self._pair_at[np.broadcast_to(rows[:, None], near.shape)[near], apart[near] + self.reach]
-        pairs = pairs[pairs >= 0]
-        keys = rng.exponential(size=len(pairs)) / self._weights_of_drive[pairs]
-        return pairs[np.argsort(keys)[:count]]
+        return _weighted_sample(rng, pairs[pairs >= 0], self._weights_of_drive, count)
 
 
 def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: TrainingBatch) -> TrainingBatch:
@@ -313,15 +306,7 @@ def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: T
     )
 
 
-def _pair_table(drive: LabelledTrajectory, reach: int) -> NDArray[np.int64]:
-    """Return a table (N, 2 reach + 1): the labelled pair from each image to those up to `reach` before or after it, or
-    -1."""
-    table = np.full((len(drive.poses), 2 * reach + 1), -1)
-    table[drive.sources, drive.targets - drive.sources + reach] = np.arange(len(drive.sources))
-    return table
-
-
-def _even_weights(drive: LabelledTrajectory) -> NDArray[np.float64]:
+def _even_weights(drive: TrajectoryPairs) -> NDArray[np.float64]:
     """Return the weight of each labelled pair: positives are uniform over distance, and together weigh as much as
     negatives."""
     waypoints = relative(drive.poses[drive.sources], drive.poses[drive.targets])

@@ -7,19 +7,17 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ltvn_core.atomic_files import atomic_replacement, file_aside
 from ltvn_core.errors import WeightsError
-from ltvn_core.network.architecture import AnyArchitecture
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.structured_text import parse_json
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from ltvn_core.network.base_network import AnyNetwork
 
 SCHEMA = "ltvn-weights-1"
@@ -36,23 +34,28 @@ def save_weights(
     the new weights replace the old ones, even if the new weights have no card. Raises WeightsError if the files cannot
     be written.
     """
+    import torch
     from safetensors import SafetensorError
-    from safetensors.torch import save_file
+    from safetensors.torch import load_file, save_file
 
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
     described = {"schema": SCHEMA, **asdict(network.size)}
     state = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
     if added_to is not None:
-        state = added_tensors(state, added_to)
+        old = load_file(added_to)
+        added = {name: value for name, value in state.items() if name not in old or not torch.equal(value, old[name])}
+        state = {name: value.half() if value.dim() > 1 else value for name, value in added.items()}
         described["added_to"] = {"name": added_to.stem, "fingerprint": weights_fingerprint(added_to)}
     metadata = {"ltvn": json.dumps(described)}
     try:
         with file_aside(path) as weights, file_aside(card_path(path)) as text:
             save_file(state, weights, metadata)
-            fingerprint = weights_fingerprint(weights)
+            fingerprint, keeps_card = weights_fingerprint(weights), False
             if card is not None:
                 _write_card(text, {"fingerprint": fingerprint, **card})
-            if _card_fingerprint(path) != fingerprint:
+            with suppress(WeightsError):  # A card that cannot be read belongs to no weights.
+                keeps_card = read_card(path).get("fingerprint") == fingerprint
+            if not keeps_card:
                 card_path(path).unlink(missing_ok=True)
             os.replace(weights, path)
             if card is not None:
@@ -68,14 +71,13 @@ def load_weights(path: Path) -> "AnyNetwork":
     from safetensors import SafetensorError, safe_open
     from safetensors.torch import load_file
 
-    from ltvn_core.network.network_families import build_network
+    from ltvn_core.network.network_families import build_network, read_architecture
 
     if not path.is_file():
         raise WeightsError(_no_weights(path))
     try:
         with safe_open(path, framework="pt") as file:
             described = _description(file.metadata() or {}, path)
-        size = _architecture(described, path)
         state = load_file(path)
         if "added_to" in described:
             state = {**load_file(_weights_below(described["added_to"], path)), **state}
@@ -84,8 +86,10 @@ def load_weights(path: Path) -> "AnyNetwork":
             f"{path}: not a complete safetensors file ({error}); fetch or train the weights again."
         ) from error
     try:
-        network = build_network(size)
+        network = build_network(read_architecture(described))
         network.load_state_dict(state)
+    except WeightsError as error:
+        raise WeightsError(f"{path}: {error}") from error
     except (RuntimeError, ValueError, TypeError, AssertionError, ZeroDivisionError, MemoryError) as error:
         first = (str(error).splitlines() or [type(error).__name__])[:2]
         raise WeightsError(
@@ -95,16 +99,6 @@ def load_weights(path: Path) -> "AnyNetwork":
     if not all(torch.isfinite(value).all() for value in state.values()):
         raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
     return network.eval()
-
-
-def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tensor]":
-    """Return the tensors of a network that differ from the weights below it, matrices in half precision."""
-    import torch
-    from safetensors.torch import load_file
-
-    old = load_file(below)
-    added = {name: value for name, value in state.items() if name not in old or not torch.equal(value, old[name])}
-    return {name: value.half() if value.dim() > 1 else value for name, value in added.items()}
 
 
 def _weights_below(named: Any, path: Path) -> Path:
@@ -188,14 +182,6 @@ def _write_card(path: Path, card: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
-def _card_fingerprint(path: Path) -> str | None:
-    """Return the fingerprint in the card beside weights; None if there is no readable card."""
-    try:
-        return read_card(path).get("fingerprint")
-    except WeightsError:
-        return None
-
-
 def _description(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
     try:
         found = parse_json(metadata["ltvn"])
@@ -205,12 +191,3 @@ def _description(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
         schema = found.get("schema", "something else") if isinstance(found, dict) else "something else"
         raise WeightsError(f"{path}: holds {schema!r}, not {SCHEMA!r}.")
     return found
-
-
-def _architecture(described: Mapping[str, Any], path: Path) -> AnyArchitecture:
-    from ltvn_core.network.network_families import read_architecture
-
-    try:
-        return read_architecture(described)
-    except WeightsError as error:
-        raise WeightsError(f"{path}: {error}") from error

@@ -7,7 +7,6 @@ with its card, or no file. `ltvn_core.predictors.geometric_adaptation` fits and 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.predictors.geometric import GeometricPredictor, SurePose, drivable_share
 from ltvn_core.predictors.geometric_adaptation import (
-    Adaptation,
     OwnPairs,
     Rescaled,
     adapt,
@@ -84,12 +82,15 @@ class DrivePairs:
         known = self.path.known(self.source, self.target)
         right = np.zeros(len(self.source), bool)
         share = np.zeros(len(self.source))
-        for k, pose in enumerate(self._seen_with(room_depth_m)):
-            if pose is not None:
-                share[k] = self._drivable_share(k, pose)
+        for k, found in enumerate(self.found):
+            if found is not None:
+                pose = found.pose if self._depths(k) else found.pose.scaled(room_depth_m / ROOM_DEPTH_M)
+                x, y, turn = pose.waypoint
+                if np.hypot(x, y) < ROBUST.building.connect_distance:
+                    share[k] = drivable_share(self.features[self.source[k]], pose, self.predictor.camera, self.grid)
                 right[k] = known[k] and is_right(pose.waypoint, truth[k], measured=self._depths(k) > 0)
                 # In spite of drift, a pose that puts the target near is certainly wrong for a far pair.
-                known[k] |= far[k] and not _is_far(pose)
+                known[k] |= far[k] and not LIMITS.far(np.array([x, y, max(abs(turn), pose.turned_rad)]))
         return OwnPairs(
             source=self.source,
             target=self.target,
@@ -122,23 +123,6 @@ class DrivePairs:
 
     def _depths(self, k: int) -> int:
         return self.features[self.source[k]].has_depth + self.features[self.target[k]].has_depth
-
-    def _seen_with(self, room_depth_m: float) -> Sequence[SurePose | None]:
-        """Return the P poses, with poses without depth scaled to a room depth."""
-        return [
-            found and (found.pose if self._depths(k) else found.pose.scaled(room_depth_m / ROOM_DEPTH_M))
-            for k, found in enumerate(self.found)
-        ]
-
-    def _drivable_share(self, k: int, pose: SurePose) -> float:
-        if np.hypot(*pose.waypoint[:2]) >= ROBUST.building.connect_distance:
-            return 0.0
-        return drivable_share(self.features[self.source[k]], pose, self.predictor.camera, self.grid)
-
-
-def _is_far(pose: SurePose) -> bool:
-    x, y, turn = pose.waypoint
-    return bool(LIMITS.far(np.array([x, y, max(abs(turn), pose.turned_rad)])))
 
 
 def _goes_the_same_way(pose: SurePose, truth: NDArray[np.float64]) -> bool:
@@ -308,9 +292,25 @@ def tune_calibration(
         )
     parent = predictor.calibration
     adaptation = adapt(pairs.labelled(parent.room_depth_m), parent, shipped_comparisons(), pairs.rescaled())
-    tuned = _summary(adaptation, pairs, path, output, parent.fingerprint)
-    card = _card(tuned, adaptation, command=command, part=part, seed=seed) | {"parent_card": dict(parent.card)}
-    write_text_atomically(output, replace(adaptation.calibration, card=card).text())
+    calibration = adaptation.calibration
+    tuned = TunedCalibration(
+        weights=output,
+        fingerprint=calibration.fingerprint,
+        parent=parent.fingerprint,
+        changed=calibration.fingerprint != parent.fingerprint,
+        poses="truth" if path.is_exact else "odometry",
+        images=len(path.poses),
+        pairs=len(pairs.source),
+        near_pairs=int(np.count_nonzero(path.near(pairs.source, pairs.target))),
+        far_pairs=pairs.far_pairs,
+        room_depth_m=calibration.room_depth_m,
+        before=asdict(adaptation.before),
+        after=asdict(adaptation.after),
+    )
+    card = {name: value for name, value in asdict(tuned).items() if name not in ("weights", "room_depth_m")}
+    card |= {"command": command, "part": str(part), "seed": seed, "ridge": adaptation.ridge}
+    card |= {"caution": adaptation.caution, "parent_card": dict(parent.card)}
+    write_text_atomically(output, replace(calibration, card=card).text())
     return tuned
 
 
@@ -326,35 +326,3 @@ def _observations(
         seen.append(recorded_observation(taken, recording.meta.camera, predictor.camera))
         on_progress("read", len(seen), len(rows))
     return [each for each in seen if each.exact_pose is not None] or seen
-
-
-def _summary(adaptation: Adaptation, pairs: DrivePairs, path: DrivePath, output: Path, parent: str) -> TunedCalibration:
-    calibration = adaptation.calibration
-    return TunedCalibration(
-        weights=output,
-        fingerprint=calibration.fingerprint,
-        parent=parent,
-        changed=calibration.fingerprint != parent,
-        poses="truth" if path.is_exact else "odometry",
-        images=len(path.poses),
-        pairs=len(pairs.source),
-        near_pairs=int(np.count_nonzero(path.near(pairs.source, pairs.target))),
-        far_pairs=pairs.far_pairs,
-        room_depth_m=calibration.room_depth_m,
-        before=asdict(adaptation.before),
-        after=asdict(adaptation.after),
-    )
-
-
-def _card(
-    tuned: TunedCalibration, adaptation: Adaptation, *, command: str, part: DrivePart, seed: int
-) -> dict[str, Any]:
-    """Return the card, which describes the origin of the file, as JSON values."""
-    told = {name: value for name, value in asdict(tuned).items() if name not in ("weights", "room_depth_m")}
-    return told | {
-        "command": command,
-        "part": str(part),
-        "seed": seed,
-        "ridge": adaptation.ridge,
-        "caution": adaptation.caution,
-    }

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import relative
-from ltvn_core.network.training_data.trajectory import KeyframeSelection, odometry_jumps, odometry_steps
+from ltvn_core.network.training_data.trajectory import odometry_jumps, odometry_steps
 from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.types import Observation, Pose, Waypoint
 
@@ -109,7 +109,6 @@ FEWEST_IMAGES = 20
 _EXACT_M, _EXACT_RAD = 0.06, radians(4)
 """Largest possible drift, in metres and radians, up to which odometry can tell whether a pose is right."""
 _RULE = OdometryLabelRule()
-_SELECTION = KeyframeSelection()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,7 +186,7 @@ def drive_path(observations: Sequence[Observation], name: str, camera: CameraMod
             "are the same, or some are missing. Import the drive with its odometry or its poses."
         )
     driven, turned = odometry_steps(poses)
-    jumped = np.zeros(len(driven), bool) if is_exact else odometry_jumps(poses, _SELECTION)
+    jumped = np.zeros(len(driven), bool) if is_exact else odometry_jumps(poses)
     return DrivePath(
         poses=poses,
         is_exact=is_exact,

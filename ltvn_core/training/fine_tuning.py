@@ -5,14 +5,14 @@ card, or no file. The command line, the page and the evaluation all call `fine_t
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
 from threading import Event
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.training.fine_tuning_data import RehearsalData
@@ -20,7 +20,6 @@ from ltvn_core.training.fine_tuning_data import RehearsalData
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import (
         FineTuningData,
-        FineTuningMetrics,
         FineTuningPlan,
         FineTuningProgress,
         FineTuningResult,
@@ -37,12 +36,8 @@ _PAIR_METRICS = ("auc", "position_median_m", "position_p90_m", "yaw_median_deg",
 _FAR_METRICS = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_half")
 
 
-class FineTuningReporter(Protocol):
-    """Callback for the progress of fine-tuning; an exception in it stops the work."""
-
-    def __call__(self, share: float, doing: str, progress: "FineTuningProgress | None", /) -> None:
-        """Receive the share done in [0, 1], the current activity as text and, while learning, its progress."""
-        ...
+FineTuningReporter: TypeAlias = Callable[[float, str, "FineTuningProgress | None"], object]
+"""Called with the share done in [0, 1], the current activity as text and, while learning, its progress."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,38 +50,6 @@ class FineTuningProvenance:
     """Name of the navigation system whose labels are learned; see `ltvn_core.systems.registry`."""
     command: str | None = None
     """Command line that reproduces these weights; None if there is none."""
-
-
-@dataclass(frozen=True)
-class FineTuningCard:
-    """The model card of fine-tuned weights; it contains the card of their parent."""
-
-    parent: str
-    """Fingerprint of the weights from which fine-tuning started."""
-    parent_card: Mapping[str, Any]
-    """Card of the parent weights."""
-    recording: str
-    """Name of the recording of the drive."""
-    run: Mapping[str, Any]
-    """Settings that identify this run; a run with the same settings is not repeated."""
-    command: str | None
-    """Command line that reproduces these weights, except for the training time; None if there is none."""
-    seed: int
-    images: int
-    """Number of images of the drive that were used."""
-    pieces: int
-    """Number of pieces of the drive; jumps of its odometry separate them."""
-    simulated_scenes: tuple[str, ...]
-    """Simulated training scenes for rehearsal, which prevent forgetting."""
-    validation_scenes: tuple[str, ...]
-    """Simulated scenes for the metrics and the calibration."""
-    plan: "FineTuningPlan"
-    steps: int
-    pairs_compared: int
-    minutes: float
-    before: "FineTuningMetrics | None"
-    """Metrics before fine-tuning; None if the run was not evaluated."""
-    after: "FineTuningMetrics | None"
 
 
 @dataclass(frozen=True)
@@ -141,20 +104,21 @@ def fine_tune(
         DatasetError: The rehearsal data are missing and cannot be made.
     """
     from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
-    from ltvn_core.network.weights_file import save_weights
+    from ltvn_core.network.weights_file import matching_card, save_weights
 
     run = _run_identity(drive, rehearsal, start, plan, provenance)
-    if (done := _finished_earlier(output, run)) is not None:
-        return done
+    if output.exists():
+        if matching_card(output).get("run") != run:
+            raise WeightsError(
+                f"{output} exists, was made with other settings, and is not overwritten. Name another output, or move "
+                "that file."
+            )
+        return _summary(output)
     progress = _Progress(on_progress, cancelled or Event())
     try:
         with _work_folder(work_folder, output) as folder:
             data = rehearsal.load(drive, progress.rehearsing, with_validation_drives=plan.judge)
-            result = run_fine_tuning(
-                data, start, plan, folder, on_progress=progress.learning, cancelled=progress.cancelled
-            )
-            if result is None:
-                raise _CancelledError
+            result = run_fine_tuning(data, start, plan, folder, on_progress=progress.learning)
             save_weights(result.network, output, _card(result, data, plan, start, run, provenance))
     except _CancelledError:
         return None
@@ -231,21 +195,6 @@ def _run_identity(
     return json.loads(json.dumps(run))
 
 
-def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights | None:
-    """Return the existing output of the same run; None if there is no output. Raises WeightsError for the output of
-    another run."""
-    from ltvn_core.network.weights_file import matching_card
-
-    if not output.exists():
-        return None
-    if matching_card(output).get("run") != run:
-        raise WeightsError(
-            f"{output} exists, was made with other settings, and is not overwritten. Name another output, or move "
-            "that file."
-        )
-    return _summary(output)
-
-
 def _card(
     result: "FineTuningResult",
     data: "FineTuningData",
@@ -254,28 +203,27 @@ def _card(
     run: Mapping[str, Any],
     provenance: FineTuningProvenance,
 ) -> dict[str, Any]:
+    """Return the model card; it contains the card of the parent, and the run, which is not repeated."""
     from ltvn_core.network.weights_file import read_card
 
-    drive = cast("TrajectoryPairs", data.drive)
-    card = FineTuningCard(
-        parent=result.parent,
-        parent_card=read_card(start),
-        recording=provenance.recording,
-        run=run,
-        command=provenance.command,
-        seed=plan.learning.seed,
-        images=len(drive.poses),
-        pieces=drive.trajectory.pieces,
-        simulated_scenes=tuple(scene.name for scene in data.scenes),
-        validation_scenes=tuple(scene.name for scene in data.validation),
-        plan=plan,
-        steps=result.steps,
-        pairs_compared=result.pairs,
-        minutes=result.seconds / 60,
-        before=result.before,
-        after=result.after,
-    )
-    return asdict(card)
+    return {
+        "parent": result.parent,
+        "parent_card": read_card(start),
+        "recording": provenance.recording,
+        "run": run,
+        "command": provenance.command,
+        "seed": plan.learning.seed,
+        "images": len(data.drive.poses),
+        "pieces": data.drive.pieces,
+        "simulated_scenes": [scene.name for scene in data.scenes],
+        "validation_scenes": [scene.name for scene in data.validation],
+        "plan": asdict(plan),
+        "steps": result.steps,
+        "pairs_compared": result.pairs,
+        "minutes": result.seconds / 60,
+        "before": result.before and asdict(result.before),
+        "after": result.after and asdict(result.after),
+    }
 
 
 def _summary(weights: Path) -> FineTunedWeights:
@@ -306,11 +254,10 @@ def _flat_metrics(metrics: Mapping[str, Any] | None) -> dict[str, float]:
     """Return the most important metrics of the `FineTuningMetrics` in a card, by name; empty for None."""
     if metrics is None:
         return {}
-    own = metrics["own"]
-    found = _named("own", own["pairs"], _PAIR_METRICS) | _named("own", own["far"], _FAR_METRICS)
-    found |= _named("simulated", metrics["simulated"], _PAIR_METRICS)
-    return found | _named("simulated", metrics["simulated_drives"] or {}, _FAR_METRICS)
-
-
-def _named(where: str, figures: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
-    return {f"{where}_{name}": figures[name] for name in names if name in figures}
+    parts = (
+        ("own", metrics["own"]["pairs"], _PAIR_METRICS),
+        ("own", metrics["own"]["far"], _FAR_METRICS),
+        ("simulated", metrics["simulated"], _PAIR_METRICS),
+        ("simulated", metrics["simulated_drives"] or {}, _FAR_METRICS),
+    )
+    return {f"{of}_{name}": figures[name] for of, figures, names in parts for name in names if name in figures}

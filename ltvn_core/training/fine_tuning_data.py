@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from ltvn_core.cache_folder import cache_folder
 from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ltvn_core.network.pair_evaluation import LabelledDrive
     from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
     from ltvn_core.network.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
-    from ltvn_core.systems.entry import SystemEntry, TemporalLearning
+    from ltvn_core.systems.entry import TemporalLearning
 
 ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Called with the share done in [0, 1], and the current activity as text."""
@@ -68,69 +68,62 @@ def label_drive(
     return label_trajectory(drive, rule, np.random.default_rng(0))
 
 
-class RehearsalData(Protocol):
-    """Labelled images of other places, mixed with a drive so that the network does not forget."""
-
-    @property
-    def name(self) -> str:
-        """Name that identifies these data."""
-        ...
-
-    @property
-    def scenes(self) -> Sequence[str]:
-        """Training scenes. Raises DatasetError if there are none."""
-        ...
-
-    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Create missing files, once for all processes that will load them. Raises DatasetError."""
-        ...
-
-    def load(
-        self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
-    ) -> "FineTuningData":
-        """Return these data together with a drive. Raises DatasetError.
-
-        An exception in `on_progress` stops the work, but the files made until then are kept. `with_validation_drives`
-        includes drives through simulated rooms, which are only for evaluation.
-        """
-        ...
-
-
 @dataclass(frozen=True, slots=True)
-class SimulatedPairs:
-    """Pairs of simulated images, labelled by exact poses: from a data set, or from a few scenes that are rendered
-    once."""
+class RehearsalData:
+    """Labelled images of other places, mixed with a drive so that the network does not forget.
+
+    They are pairs of simulated images labelled by exact poses; with a rule, random walks labelled by time alone.
+    """
 
     folder: Path | None = None
-    """Folder written by `ltvn dataset`; None renders scenes into the user's cache at the first use."""
+    """Folder written by `ltvn dataset`, or with a rule the parent of the folder `walks`; None makes a few scenes in the
+    user's cache at the first use."""
+    rule: "TemporalLabelRule | None" = None
+    """Rule that labels the drive, too; None labels by poses."""
 
     @property
     def name(self) -> str:
         """Name that identifies these data."""
-        return "simulated pairs" if self.folder is None else f"simulated pairs of {self.folder}"
+        kind = "random walks" if self.rule else "simulated pairs"
+        return kind if self.folder is None else f"{kind} of {self.folder}"
 
     @property
     def scenes(self) -> Sequence[str]:
         """Training scenes. Raises DatasetError if the folder has none."""
         from ltvn_core.network.training_data.shards import shard_scene
 
-        if self.folder is None:
+        if self.folder is None or self.rule:
             return REHEARSAL_SCENES
         learned, _ = _select_shards(self.folder)
         return [shard_scene(path) for path in learned]
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Render scenes that are missing in the cache; a data set needs no rendering. Raises DatasetError."""
-        if self.folder is None:
+        """Create missing files, once for all processes that will load them. Raises DatasetError and SceneError."""
+        from ltvn_core.training.simulated_scenes import make_walks
+
+        if self.rule:
+            make_walks((*REHEARSAL_SCENES, *CALIBRATION_SCENES), self._walks, on_progress=_count_scenes(on_progress))
+        elif self.folder is None:
             _render_scenes(on_progress)
 
     def load(
         self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
     ) -> "FineTuningData":
-        """Return the pairs together with a drive. Raises DatasetError."""
+        """Return these data together with a drive. Raises DatasetError and SceneError.
+
+        An exception in `on_progress` stops the work, but the files made until then are kept. `with_validation_drives`
+        includes drives through simulated rooms, which are only for evaluation and which random walks lack.
+        """
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
         from ltvn_core.network.training_data.shards import read_shard
+        from ltvn_core.training.simulated_scenes import labelled_walks
 
+        if self.rule:
+            self.prepare(on_progress)
+            scenes, validation = (
+                labelled_walks(self.rule, names, self._walks) for names in (REHEARSAL_SCENES, CALIBRATION_SCENES)
+            )
+            return FineTuningData(drive=drive, scenes=scenes, validation=validation)
         learned, validation = _render_scenes(on_progress) if self.folder is None else _select_shards(self.folder)
         drives = []
         for number, scene in enumerate(CALIBRATION_SCENES if with_validation_drives else ()):
@@ -141,45 +134,6 @@ class SimulatedPairs:
             scenes=[read_shard(path) for path in learned],
             validation=[read_shard(path) for path in validation],
             drives=drives,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class LabelledWalks:
-    """Random walks through simulated rooms, labelled by time alone, like the drive."""
-
-    rule: "TemporalLabelRule"
-    folder: Path | None = None
-    """Parent of the folder `walks`; None uses the user's cache."""
-
-    @property
-    def name(self) -> str:
-        """Name that identifies these data."""
-        return "random walks" if self.folder is None else f"random walks of {self.folder}"
-
-    @property
-    def scenes(self) -> Sequence[str]:
-        """Training scenes."""
-        return REHEARSAL_SCENES
-
-    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Create the walks that are missing. Raises DatasetError and SceneError."""
-        from ltvn_core.training.simulated_scenes import make_walks
-
-        make_walks((*REHEARSAL_SCENES, *CALIBRATION_SCENES), self._walks, on_progress=_count_scenes(on_progress))
-
-    def load(
-        self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
-    ) -> "FineTuningData":
-        """Return the walks together with a drive, without validation drives. Raises DatasetError and SceneError."""
-        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
-        from ltvn_core.training.simulated_scenes import labelled_walks
-
-        self.prepare(on_progress)
-        return FineTuningData(
-            drive=drive,
-            scenes=labelled_walks(self.rule, REHEARSAL_SCENES, self._walks),
-            validation=labelled_walks(self.rule, CALIBRATION_SCENES, self._walks),
         )
 
     @property
@@ -255,7 +209,7 @@ class DriveSource:
 
 @dataclass(frozen=True, slots=True)
 class SystemTraining:
-    """Kind of learning for the network of a navigation system: labels, rehearsal data and plan.
+    """Kind of learning for the network of a navigation system, from its entry: labels, rehearsal data and plan.
 
     Odometry and depth label the drive, and exact poses the simulated rehearsal pairs; or, with `temporal`, the number
     of steps labels the pairs of the drive and of random walks, without poses.
@@ -272,15 +226,10 @@ class SystemTraining:
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
         """Return the rehearsal data; `folder` names existing data, otherwise they are made once and kept."""
-        return LabelledWalks(self.temporal.rule, folder) if self.temporal else SimulatedPairs(folder)
+        return RehearsalData(folder, self.temporal and self.temporal.rule)
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
         """Return a fine-tuning plan that uses only information that this system has: mining needs poses."""
         from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
 
         return baseline_fine_tuning_plan(plan, even_distances=self.temporal.even_distances) if self.temporal else plan
-
-
-def system_training(entry: "SystemEntry") -> SystemTraining:
-    """Return the kind of learning of a navigation system's network."""
-    return SystemTraining(entry.learning)

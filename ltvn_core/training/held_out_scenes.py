@@ -4,7 +4,7 @@ Owns the choice of scenes and the amount of data from each. `ltvn_core.network.m
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,8 +55,8 @@ class NetworkMetrics:
     """Number of labelled pairs."""
 
 
-def drives(names: Sequence[str], *, images: int) -> "list[LabelledDrive]":
-    """Render the images of a drive through each of the named scenes. Raises SceneError."""
+def drives(names: Sequence[str], *, images: int, every: int = 1) -> "list[LabelledDrive]":
+    """Render every n-th of the images of a drive through each of the named scenes. Raises SceneError."""
     import numpy as np
 
     from ltvn_core.network.pair_evaluation import LabelledDrive
@@ -67,14 +67,12 @@ def drives(names: Sequence[str], *, images: int) -> "list[LabelledDrive]":
     found = []
     for name in names:
         world = open_dataset_scene(name)
-        poses = sample_drive_poses(world.floor, np.random.default_rng(0), images)
+        poses = sample_drive_poses(world.floor, np.random.default_rng(0), images)[::every]
         rgb, depth_mm = render_poses(world.camera, poses)
-        first, second = np.divmod(np.arange(images**2), images)
+        first, second = np.divmod(np.arange(len(poses) ** 2), len(poses))
         labels = label_image_pairs(world, poses, depth_mm, first, second, ReachabilityLimits())
         near, far = classify_near_far(poses, world.floor)
-        found.append(
-            LabelledDrive(world.name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images))
-        )
+        found.append(LabelledDrive(world.name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(near.shape)))
     return found
 
 
@@ -91,16 +89,15 @@ def measure_network(
 
     from ltvn_core.network.architecture import StackedArchitecture
     from ltvn_core.network.model_card import HeldOutMetrics
-    from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_pairs, subsample_drive
+    from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_pairs
     from ltvn_core.network.predictor import load_predictor
     from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards, read_shard
 
     predictor = load_predictor(weights)
     rng = np.random.default_rng(0)
     paths = generate_shards(scenes, open_dataset_scene, folder, DatasetRecipe(clusters=clusters), processes=2)
-    seen = drives(scenes, images=images)
-    if isinstance(predictor.architecture, StackedArchitecture):
-        seen = [subsample_drive(drive, every=SUBSAMPLING_STEP) for drive in seen]
+    is_slow = isinstance(predictor.architecture, StackedArchitecture)
+    seen = drives(scenes, images=images, every=SUBSAMPLING_STEP if is_slow else 1)
     pairs = evaluate_pairs(predictor, [read_shard(path) for path in paths], rng)
     drive_pairs, wormholes = evaluate_all_pairs(predictor, seen)
     return HeldOutMetrics(tuple(drive.name for drive in seen), pairs, drive_pairs, wormholes)
@@ -110,21 +107,13 @@ def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
     """Return the most important metrics of `measured`. Raises WeightsError."""
     from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 
-    pairs = measured.pairs
-    drives_ = measured.drives
+    found = asdict(measured.pairs) | asdict(measured.drives)
+    named = {field.name: found[field.name] for field in fields(NetworkMetrics) if field.name in found}
     return NetworkMetrics(
-        load_weights(weights).size.name,
-        weights_fingerprint(weights),
-        measured.scenes,
-        drives_.far_fpr_at_tpr60,
-        drives_.far_pairs,
-        pairs.auc,
-        pairs.position_median_m,
-        pairs.position_median_1_to_1_5_m,
-        pairs.position_p90_m,
-        pairs.yaw_median_deg,
-        pairs.ece,
-        pairs.pairs,
+        architecture=load_weights(weights).size.name,
+        fingerprint=weights_fingerprint(weights),
+        scenes=measured.scenes,
+        **named,
     )
 
 

@@ -60,7 +60,7 @@ class FinetuneVerb(Verb):
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
         from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
         from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
-        from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
+        from ltvn_core.training.fine_tuning_data import RehearsalData, read_labelled_drive
 
         rule = OdometryLabelRule(horizon=self.horizon, gated=not self.literal)
         plan = FineTuningPlan(minutes=self.minutes)
@@ -70,7 +70,7 @@ class FinetuneVerb(Verb):
         with sole_user(self.output), _ProgressBar() as bar:
             found = fine_tune(
                 read_labelled_drive(self.recording, rule, parse_part(self.part)),
-                SimulatedPairs(self.data),
+                RehearsalData(self.data),
                 self.weights or system_entry(DEFAULT_SYSTEM).weights,
                 self.output,
                 plan,

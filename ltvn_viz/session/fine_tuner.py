@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, fine_tune
-from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData, system_training
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData, SystemTraining
 
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
@@ -56,7 +56,7 @@ class FineTuner:
 
         on_progress(0.0, "reading and labelling the drive")
         entry = system_entry(self.system)
-        training = system_training(entry)
+        training = SystemTraining(entry.learning)
         return fine_tune(
             request.drive.label(training.label_rule()),
             self.rehearsal or training.rehearsal(),

@@ -1,8 +1,7 @@
 """Fine-tuning: adapts trained weights to the environment of a robot, with mining and evaluation between the steps.
 
 Weights are evaluated on the robot's own drive, with labels from odometry instead of ground truth, and in simulation.
-`ltvn_core.network.optimization.learning_loop` takes the steps, `ltvn_core.network.training_examples` draws their
-batches, `ltvn_core.network.metrics` defines the metrics.
+`ltvn_core.network.training_examples` draws the batches, `ltvn_core.network.metrics` defines the metrics.
 """
 
 import hashlib
@@ -11,21 +10,18 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
-from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.base_network import FLOAT32, AnyNetwork
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
 from ltvn_core.network.optimization.augmentation import Augmentation
 from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
-from ltvn_core.network.optimization.learning_loop import LearningLoop
-from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
-from ltvn_core.network.optimization.trainer import Hyperparameters, StepLosses, Trainer
+from ltvn_core.network.optimization.trainer import Hyperparameters, LearningLoop, Trainer
 from ltvn_core.network.pair_evaluation import (
     LabelledDrive,
     encode_images,
@@ -34,7 +30,8 @@ from ltvn_core.network.pair_evaluation import (
     predict_pairs,
 )
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.network.training_examples import HardNegative, LabelledTrajectory, MixedBatchSampler, SceneExamples
+from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
+from ltvn_core.network.training_examples import HardNegative, MixedBatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Predictor
@@ -53,7 +50,7 @@ class TrajectoryMetrics:
 
 
 def evaluate_trajectory(
-    predictor: Predictor, drive: LabelledTrajectory, rng: np.random.Generator, *, near: int, far: int
+    predictor: Predictor, drive: TrajectoryPairs, rng: np.random.Generator, *, near: int, far: int
 ) -> TrajectoryMetrics:
     """Evaluate a predictor on random near and far pairs of a drive, up to the given numbers."""
     features = encode_images(predictor, drive.rgb, drive.depth_mm)
@@ -68,7 +65,7 @@ def evaluate_trajectory(
 
 
 def _far_pairs(
-    drive: LabelledTrajectory, rng: np.random.Generator, count: int
+    drive: TrajectoryPairs, rng: np.random.Generator, count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Draw up to `count` ordered pairs of rows that are certainly far apart, spread over the whole drive."""
     among = np.arange(len(drive.poses))
@@ -112,7 +109,7 @@ class FineTuningPlan:
 class FineTuningData:
     """The data for fine-tuning and its evaluation."""
 
-    drive: LabelledTrajectory
+    drive: TrajectoryPairs
     """The robot's own drive."""
     scenes: Sequence[SceneExamples]
     """Simulated training scenes, which prevent forgetting."""
@@ -169,17 +166,16 @@ def run_fine_tuning(
     folder: Path,
     *,
     on_progress: Callable[[FineTuningProgress], None] | None = None,
-    cancelled: Event | None = None,
-) -> FineTuningResult | None:
-    """Fine-tune weights on a drive; return None if it was cancelled, which leaves a checkpoint in `folder`.
+) -> FineTuningResult:
+    """Fine-tune weights on a drive.
 
     A checkpoint of the same run is resumed. The file of the starting weights is never changed. `on_progress` is called
-    in this thread, after every step. Raises WeightsError for weights that cannot be read, a checkpoint of another run
-    and a full disk.
+    in this thread, after every step; an exception in it stops the work and leaves a checkpoint in `folder`. Raises
+    WeightsError for weights that cannot be read, a checkpoint of another run and a full disk.
     """
     network = load_weights(start)
-    parent = weights_fingerprint(start)
-    _require_same_run(folder / "run.json", {"parent": parent, "drive": trajectory_fingerprint(data.drive)})
+    run = {"parent": weights_fingerprint(start), "drive": trajectory_fingerprint(data.drive)}
+    _require_same_run(folder / "run.json", run)
     sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
     trainer = Trainer(plan.learning, start=network)
     loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps)
@@ -192,15 +188,10 @@ def run_fine_tuning(
 
     def before_step(progress: float) -> bool:
         nonlocal mined
-        if cancelled is not None and cancelled.is_set():
-            return False
         if (due := int(progress * plan.minings)) > mined and plan.minings:
             trainer.confusions = _mined(trainer, sampler)
             mined = due
         return True
-
-    def after_step(before: float, losses: StepLosses) -> None:
-        report("learning")
 
     def judged(weights: AnyNetwork, when: str) -> FineTuningMetrics | None:
         if not plan.judge:
@@ -209,18 +200,16 @@ def run_fine_tuning(
         return _evaluate(weights, data, plan)
 
     judged_before = judged(network, "before")
-    # Saved also when cancelled or interrupted, so that the next run with this folder continues here.
+    # Saved also when interrupted, so that the next run with this folder continues here.
     try:
-        finished = loop.learn(before_step, after_step)
+        loop.learn(before_step, lambda before, losses: report("learning"))
     finally:
         loop.save()
-    if not finished:
-        return None
     report("calibrating")
     calibrate_after_fine_tuning(trainer.average, data.drive, data.validation)
     return FineTuningResult(
         network=trainer.average,
-        parent=parent,
+        parent=run["parent"],
         before=judged_before,
         after=judged(trainer.average, "after"),
         steps=trainer.steps,
@@ -254,7 +243,7 @@ def _evaluate(network: AnyNetwork, data: FineTuningData, plan: FineTuningPlan) -
     )
 
 
-def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
+def trajectory_fingerprint(drive: TrajectoryPairs) -> str:
     """Return a fingerprint of 12 hexadecimal digits of a drive and its labels."""
     found = hashlib.sha256(drive.name.encode())
     for part in (drive.poses, drive.sources, drive.targets, drive.reachable):

@@ -8,10 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ltvn_core.network.base_network import BaseNetwork
+from ltvn_core.network.base_network import BaseNetwork, MixedPrecision
 from ltvn_core.network.device import device_of, to_tensor
 from ltvn_core.network.image_features import FeaturesT, join
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import FarCriterion, HardNegative, SceneExamples
 

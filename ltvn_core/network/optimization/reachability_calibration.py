@@ -13,9 +13,10 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.network.pair_evaluation import compare_labelled
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.network.training_examples import LabelledTrajectory, SceneExamples
+from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
+from ltvn_core.network.training_examples import SceneExamples
 
 PairSelection: TypeAlias = tuple[SceneExamples, NDArray[np.intp]]
 """A scene and the rows of the labelled pairs to use."""
@@ -24,9 +25,7 @@ _MOST_PAIRS = 10_000
 """Largest number of pairs of each scene, drawn at random."""
 
 
-def calibrate_after_fine_tuning(
-    network: AnyNetwork, drive: LabelledTrajectory, scenes: Sequence[SceneExamples]
-) -> None:
+def calibrate_after_fine_tuning(network: AnyNetwork, drive: TrajectoryPairs, scenes: Sequence[SceneExamples]) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
     The drive lacks the hard pairs, because odometry cannot label them. So at most as many pairs of the drive are used
@@ -47,20 +46,10 @@ def calibrate_reachability(network: AnyNetwork, chosen: Sequence[PairSelection])
     """Fit the network's calibration on chosen labelled pairs of scenes."""
     network.calibration.copy_(torch.tensor([1.0, 0.0]))
     # The logits are recovered from r, so the calibration must be the identity until it is fitted.
-    parts = [_logits_and_labels(network, scene, pairs) for scene, pairs in chosen]
-    logits, positive = (np.concatenate(column) for column in zip(*parts, strict=True))
-    network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
-
-
-def _logits_and_labels(
-    network: AnyNetwork, scene: SceneExamples, pairs: NDArray[np.intp]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return logits and labels of some labelled pairs."""
     predictor = NetworkPredictor(network, "in calibration")
-    rows, at = np.unique(np.concatenate([scene.sources[pairs], scene.targets[pairs]]), return_inverse=True)
-    features = encode_images(predictor, scene.rgb[rows], scene.depth_mm[rows])
-    found = predict_pairs(predictor, features, at[: len(pairs)], at[len(pairs) :])
-    return logit(found.reachability), scene.reachable[pairs]
+    parts = [compare_labelled(predictor, scene, pairs) for scene, pairs in chosen]
+    scores, _, positive, _ = (np.concatenate(column) for column in zip(*parts, strict=True))
+    network.calibration.copy_(torch.tensor(fit_platt(logit(scores), positive)))
 
 
 def fit_platt(logits: NDArray[np.float64], positive: NDArray[np.bool_]) -> tuple[float, float]:

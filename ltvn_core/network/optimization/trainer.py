@@ -1,8 +1,8 @@
 """The trainer: a network, the moving average of its weights and an optimiser, updated by steps, and checkpoints.
 
 Owns the hyperparameters, the forward pass of a step (augments and encodes images, chooses and compares pairs, sums the
-loss) and the update. `ltvn_core.network.optimization.learning_loop` decides when to step and to save. A trainer that
-starts from trained weights keeps their statistics of batch normalisation.
+loss), the update, and the loop of steps: training, fine-tuning and the training of rivals are this loop with callbacks
+between the steps. A trainer that starts from trained weights keeps their statistics of batch normalisation.
 
 A checkpoint is a safetensors file, written to a temporary name and then renamed. It contains the state of the trainer
 and the time spent; everything else follows from the plan.
@@ -10,6 +10,8 @@ and the time spent; everything else follows from the plan.
 
 import json
 import math
+import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -22,16 +24,14 @@ from torch import Tensor, nn
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
-from ltvn_core.network.base_network import AnyNetwork, ComparedBatch
+from ltvn_core.network.base_network import FLOAT32, AnyNetwork, ComparedBatch, MixedPrecision
 from ltvn_core.network.device import CPU, to_tensor
 from ltvn_core.network.loss import pair_loss
 from ltvn_core.network.network_families import build_network
 from ltvn_core.network.optimization.augmentation import Augmentation, augment, mirror
 from ltvn_core.network.optimization.hard_negative_mining import sample_hardest
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative, TrainingBatch
-from ltvn_core.structured_text import parse_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +100,11 @@ class Trainer:
         device: torch.device = CPU,
         *,
         start: AnyNetwork | None = None,
+        precision: MixedPrecision = FLOAT32,
     ) -> None:
         """Begin with random weights of a size, or with those of `start`, whose size replaces the given one."""
         self.plan = plan
+        self.precision = precision
         self.device = device
         torch.manual_seed(plan.seed)
         size = start.size if start else size or PairArchitecture()
@@ -117,7 +119,7 @@ class Trainer:
         self.confusions: list[HardNegative] = []
         self._freezes = start is not None
 
-    def step(self, sampler: BatchSampler, precision: MixedPrecision, progress: float) -> StepLosses:
+    def step(self, sampler: BatchSampler, progress: float) -> StepLosses:
         """Update the weights with one batch; progress in [0, 1] sets the learning rate."""
         rng = np.random.default_rng([self.plan.seed, self.steps, 0])
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**31)))
@@ -129,7 +131,7 @@ class Trainer:
         if self._freezes:
             freeze_batch_norm(self.network)
         self.optimiser.zero_grad(set_to_none=True)
-        loss, total, pairs = self._losses(batch, precision, rng, generator)
+        loss, total, pairs = self._losses(batch, rng, generator)
         total.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
         self.optimiser.step()
@@ -139,7 +141,7 @@ class Trainer:
         return StepLosses(loss.item(), total.item())
 
     def _losses(
-        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
+        self, batch: TrainingBatch, rng: np.random.Generator, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, int]:
         """Return the loss of Eq. 1, the total loss with the auxiliary terms, and the number of pairs."""
         plan = self.plan
@@ -148,7 +150,7 @@ class Trainer:
         rgb, depth = augment(rgb, depth, scene, plan.augmentation, generator)
         if mirrored := bool(rng.random() < 0.5):
             rgb, depth = mirror(rgb, depth)
-        features = precision.encode(self.network, rgb, depth)
+        features = self.precision.encode(self.network, rgb, depth)
         far = to_tensor(batch.far_apart(plan.far), self.device)
         # Detached, so that no gradient reaches the score through the choice of hard pairs.
         rough = self.network.rough_logits(features).detach()
@@ -157,7 +159,7 @@ class Trainer:
         waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, self.device).float()
         source_features = features.take(sources)
         target_features = features.take(targets)
-        output = precision.compare(self.network, source_features, target_features)
+        output = self.precision.compare(self.network, source_features, target_features)
         doubt = self.network.reachability_loss(output.logit, reachable)
         loss = pair_loss(doubt, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
         known = torch.full(far.shape, torch.nan, device=self.device)
@@ -244,16 +246,17 @@ def restore_checkpoint(trainer: Trainer, path: Path) -> float:
     except (OSError, SafetensorError) as error:
         raise WeightsError(f"{path}: not a complete checkpoint ({error}); delete it to start over.") from error
     if metadata.get("schema") != SCHEMA or metadata.get("plan") != _plan_text(trainer):
-        raise WeightsError(
-            f"{path}: made with other training settings{_other_family(trainer, metadata)}; "
-            "name another folder or delete it."
-        )
+        raise WeightsError(f"{path}: made with other training settings; name another folder or delete it.")
     trainer.network.load_state_dict(_part(tensors, "network."))
     trainer.average.load_state_dict(_part(tensors, "average."))
     trainer.steps = int(metadata["steps"])
     trainer.pairs = int(metadata["pairs"])
     trainer.confusions = [HardNegative(*row) for row in tensors["confusions"].tolist()]
-    _restore_optimiser(trainer, _part(tensors, "optimiser."))
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in _part(tensors, "optimiser.").items():
+        number, field = name.split(".", 1)
+        state.setdefault(int(number), {})[field] = value
+    trainer.optimiser.load_state_dict({**trainer.optimiser.state_dict(), "state": state})
     return float(metadata["seconds"])
 
 
@@ -266,27 +269,69 @@ def _tensors(trainer: Trainer) -> dict[str, Tensor]:
     return {name: value.detach().cpu().clone(memory_format=torch.contiguous_format) for name, value in state.items()}
 
 
-def _restore_optimiser(trainer: Trainer, tensors: dict[str, Tensor]) -> None:
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, value in tensors.items():
-        number, field = name.split(".", 1)
-        state.setdefault(int(number), {})[field] = value
-    trainer.optimiser.load_state_dict({**trainer.optimiser.state_dict(), "state": state})
-
-
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def _other_family(trainer: Trainer, metadata: dict[str, str]) -> str:
-    """Return a note if a checkpoint is of another family of networks, else an empty text."""
-    try:
-        found = str(parse_json(metadata["plan"])[1]["name"])
-    except (KeyError, IndexError, TypeError, ValueError):
-        return ""
-    wanted = trainer.network.size.name
-    return "" if found == wanted else f" (of the architecture {found!r}, not {wanted!r})"
-
-
 def _plan_text(trainer: Trainer) -> str:
     return json.dumps([asdict(trainer.plan), asdict(trainer.network.size)], sort_keys=True)
+
+
+_CHECKPOINT_EVERY_S = 30.0
+_NEWEST_SHARE = 0.05
+"""Weight of the last step in the smoothed loss (exponential moving average)."""
+
+
+class LearningLoop:
+    """One training or fine-tuning run; a checkpoint in its folder is resumed."""
+
+    def __init__(
+        self,
+        trainer: Trainer,
+        sampler: BatchSampler,
+        folder: Path,
+        *,
+        minutes: float | None,
+        steps: int,
+    ) -> None:
+        """Learn for `minutes`, or for `steps` if `minutes` is None. Raises WeightsError for an unusable checkpoint."""
+        self.trainer = trainer
+        self._sampler = sampler
+        self._minutes = minutes
+        self._steps = steps
+        self._checkpoint = folder / "checkpoint.safetensors"
+        self.elapsed_s = restore_checkpoint(trainer, self._checkpoint) if self._checkpoint.exists() else 0.0
+        self.loss = math.nan
+        """Eq. 1, smoothed; nan before the first step."""
+
+    def learn(self, before_step: Callable[[float], bool], after_step: Callable[[float, StepLosses], None]) -> bool:
+        """Run all remaining steps, and return whether they all ran.
+
+        Args:
+            before_step: Called with the progress before each step; False stops early.
+            after_step: Called with the progress before the step, and with its losses.
+        """
+        start = time.monotonic() - self.elapsed_s
+        saved = time.monotonic()
+        while (before := self.progress()) < 1:
+            if not before_step(before):
+                return False
+            losses = self.trainer.step(self._sampler, before)
+            self.elapsed_s = time.monotonic() - start
+            first = math.isnan(self.loss)
+            self.loss = losses.loss if first else (1 - _NEWEST_SHARE) * self.loss + _NEWEST_SHARE * losses.loss
+            after_step(before, losses)
+            if time.monotonic() - saved > _CHECKPOINT_EVERY_S:
+                self.save()
+                saved = time.monotonic()
+        return True
+
+    def progress(self) -> float:
+        """Return the finished share of the training; above 1 if the last step took longer than the remaining time."""
+        if self._minutes is None:
+            return self.trainer.steps / self._steps
+        return self.elapsed_s / (60 * self._minutes)
+
+    def save(self) -> None:
+        """Write a checkpoint."""
+        save_checkpoint(self.trainer, self._checkpoint, seconds=self.elapsed_s)

@@ -18,14 +18,18 @@ from tqdm import tqdm
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
-from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.base_network import AnyNetwork, MixedPrecision
 from ltvn_core.network.device import CPU
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
-from ltvn_core.network.optimization.learning_loop import LearningLoop
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
-from ltvn_core.network.optimization.trainer import Hyperparameters, StepLosses, Trainer, learning_rate_schedule
+from ltvn_core.network.optimization.trainer import (
+    Hyperparameters,
+    LearningLoop,
+    StepLosses,
+    Trainer,
+    learning_rate_schedule,
+)
 from ltvn_core.network.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import BatchSampler, SceneExamples
@@ -130,10 +134,10 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     retain_freed_memory()
     learning = plan.learning
-    trainer = Trainer(learning, plan.architecture, device, start=None if start is None else load_weights(start))
-    precision = MixedPrecision(plan.bfloat16)
+    begun = None if start is None else load_weights(start)
+    trainer = Trainer(learning, plan.architecture, device, start=begun, precision=MixedPrecision(plan.bfloat16))
     sampler = BatchSampler(data.scenes, evened=learning.evened)
-    loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps, precision=precision)
+    loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps)
     curves = TensorBoardLog(folder / "tensorboard")
     validation = Validation(data, plan, folder, curves)
     bar = tqdm(
@@ -160,7 +164,7 @@ def train(
         if _due(before, progress, plan.validations, begin=0.0):
             validation.validate(trainer.average, trainer.steps, seconds=loop.elapsed_s)
         elif _due(before, progress, plan.minings, begin=0.1):
-            _mine(trainer, data.scenes, plan.mined_scenes, precision)
+            _mine(trainer, data.scenes, plan.mined_scenes)
 
     loop.learn(lambda progress: validation.without_improvement < plan.patience, after_step)
     bar.close()
@@ -177,11 +181,11 @@ def train(
     )
 
 
-def _mine(trainer: Trainer, scenes: Sequence[SceneExamples], count: int, precision: MixedPrecision) -> None:
+def _mine(trainer: Trainer, scenes: Sequence[SceneExamples], count: int) -> None:
     """Search some of the scenes for hard negatives; the trainer keeps those of the others."""
     rng = np.random.default_rng([trainer.plan.seed, trainer.steps, 0, 1])
     for number in rng.choice(len(scenes), min(count, len(scenes)), replace=False).tolist():
-        found = mine_hard_negatives(trainer.average, precision, scenes[number], number, trainer.plan.far, rng)
+        found = mine_hard_negatives(trainer.average, trainer.precision, scenes[number], number, trainer.plan.far, rng)
         # At most 200 per scene, so that one confusing scene does not fill all batches.
         trainer.confusions = [each for each in trainer.confusions if each.scene != number] + found[:200]
     log.info("mined %d confusions", len(trainer.confusions))
@@ -237,7 +241,15 @@ class Validation:
 
     def validate(self, network: AnyNetwork, steps: int, *, seconds: float) -> None:
         """Evaluate weights after the given steps and seconds, and keep them if they are the best so far."""
-        found = self._evaluate(network, steps)
+        predictor = NetworkPredictor(network, "in training")
+        data, plan = self._data, self._plan
+        # The same pairs in every validation, so that scores are comparable.
+        rng = np.random.default_rng(0)
+        found = ValidationMetrics(
+            steps,
+            evaluate_pairs(predictor, data.validation, rng, limit=plan.validation_pairs),
+            evaluate_drives(predictor, data.drives, rng, limit=plan.validation_far) if data.drives else None,
+        )
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         is_best = self.best is None or found.score > self.best.score
         self._write(found, seconds, is_best=is_best)
@@ -249,17 +261,6 @@ class Validation:
             save_weights(network, self.weights)
         else:
             self.without_improvement += 1
-
-    def _evaluate(self, network: AnyNetwork, steps: int) -> ValidationMetrics:
-        predictor = NetworkPredictor(network, "in training")
-        data = self._data
-        # The same pairs in every validation, so that scores are comparable.
-        rng = np.random.default_rng(0)
-        return ValidationMetrics(
-            steps,
-            evaluate_pairs(predictor, data.validation, rng, limit=self._plan.validation_pairs),
-            evaluate_drives(predictor, data.drives, rng, limit=self._plan.validation_far) if data.drives else None,
-        )
 
     def _write(self, found: ValidationMetrics, seconds: float, *, is_best: bool) -> None:
         """Append metrics to the log in the folder, and save them separately if they are the best so far."""

@@ -25,9 +25,9 @@ from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import compose, lengths_along, points_along, relative, wrap_angle
-from ltvn_core.network.training_data.free_space import FreeSpace
+from ltvn_core.network.training_data.reachability_labels import FreeSpace
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Pose, Renderer, Waypoint
+from ltvn_core.types import Pose, Renderer
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,23 +92,19 @@ def cluster_pairs(count: int, size: int) -> tuple[NDArray[np.int32], NDArray[np.
 
 def _free_neighbours(floor: FreeSpace, rng: np.random.Generator, parents: Pose, spec: ClusterSampling) -> Pose:
     """Return one free pose (N, 3) beside each parent."""
-    steps = _steps(rng, (len(parents), _TRIES), spec)
-    proposals = compose(np.repeat(parents[:, None], _TRIES, axis=1), steps)
-    free = floor.at(proposals[..., :2]) >= spec.min_clearance_m
-    chosen = proposals[np.arange(len(parents)), free.argmax(1)]
-    on_the_spot = compose(parents, steps[:, 0] * [0, 0, 1])
-    return np.where(free.any(1, keepdims=True), chosen, on_the_spot)
-
-
-def _steps(rng: np.random.Generator, shape: tuple[int, int], spec: ClusterSampling) -> Waypoint:
-    """Draw waypoints (*shape, 3) to neighbours."""
+    shape = len(parents), _TRIES
     distance = rng.uniform(0, spec.reach_m, shape)
     distance *= np.where(rng.random(shape) < spec.close, 0.6 / spec.reach_m, 1.0)
     ahead = rng.random(shape) < spec.ahead
     bearing = np.where(ahead, rng.uniform(-0.6, 0.6, shape), rng.uniform(-np.pi, np.pi, shape))
     turn = rng.normal(0, spec.yaw_spread_rad, shape)
     turn = np.where(rng.random(shape) < spec.turned, rng.uniform(-np.pi, np.pi, shape), turn)
-    return np.stack([distance * np.cos(bearing), distance * np.sin(bearing), turn], axis=-1)
+    steps = np.stack([distance * np.cos(bearing), distance * np.sin(bearing), turn], axis=-1)
+    proposals = compose(np.repeat(parents[:, None], _TRIES, axis=1), steps)
+    free = floor.at(proposals[..., :2]) >= spec.min_clearance_m
+    chosen = proposals[np.arange(len(parents)), free.argmax(1)]
+    on_the_spot = compose(parents, steps[:, 0] * [0, 0, 1])
+    return np.where(free.any(1, keepdims=True), chosen, on_the_spot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,11 +177,13 @@ def hard_negative_pairs(
         return np.empty(0, np.int32), np.empty(0, np.int32)
     share = count // 4
     kinds = [
-        _close_pairs_across_clusters(rng, poses, group, share),
+        _across_clusters(rng, poses, group, share, within_m=NEAR_M),  # Many are behind walls and round corners.
         _perceptual_aliases(rng, poses, group, appearance_descriptors(rgb, depth_mm), share),
-        _opposite_views(rng, poses, group, share),
+        _across_clusters(rng, poses, group, share, within_m=BEHIND_M, least_turn_rad=OPPOSITE_RAD),
     ]
-    kinds.append(_random_pairs(rng, group, count - sum(len(kind) for kind in kinds)))
+    left = count - sum(len(kind) for kind in kinds)
+    drawn = rng.integers(len(group), size=(2 * left, 2))  # Twice as many, because some lie within one cluster.
+    kinds.append(drawn[group[drawn[:, 0]] != group[drawn[:, 1]]][:left])
     pairs = np.unique(np.concatenate(kinds), axis=0)
     return pairs[:, 0].astype(np.int32), pairs[:, 1].astype(np.int32)
 
@@ -202,18 +200,21 @@ def appearance_descriptors(rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16])
     return np.concatenate([colours, nearness], axis=1, dtype=np.float32)
 
 
-def _close_pairs_across_clusters(
-    rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], count: int
+def _across_clusters(
+    rng: np.random.Generator,
+    poses: Pose,
+    group: NDArray[np.integer],
+    count: int,
+    *,
+    within_m: float,
+    least_turn_rad: float = -1.0,
 ) -> NDArray[np.intp]:
-    """Return at most `count` pairs (.., 2) of images closer than `NEAR_M`, many behind walls and round corners."""
-    pairs = _pairs_within(poses, NEAR_M)
-    return _sample(rng, pairs[group[pairs[:, 0]] != group[pairs[:, 1]]], count)
-
-
-def _opposite_views(rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], count: int) -> NDArray[np.intp]:
-    pairs = _pairs_within(poses, BEHIND_M)
+    """Return at most `count` ordered pairs (.., 2) of different clusters that are closer and turned more than this."""
+    pairs = KDTree(poses[:, :2]).query_pairs(within_m, output_type="ndarray")
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
     turn = np.abs(wrap_angle(poses[pairs[:, 0], 2] - poses[pairs[:, 1], 2]))
-    return _sample(rng, pairs[(group[pairs[:, 0]] != group[pairs[:, 1]]) & (turn > OPPOSITE_RAD)], count)
+    pairs = pairs[(group[pairs[:, 0]] != group[pairs[:, 1]]) & (turn > least_turn_rad)]
+    return pairs[rng.choice(len(pairs), min(count, len(pairs)), replace=False)]
 
 
 def _perceptual_aliases(
@@ -234,57 +235,24 @@ def _perceptual_aliases(
     return np.column_stack([sources, targets])[found]
 
 
-def _random_pairs(rng: np.random.Generator, group: NDArray[np.integer], count: int) -> NDArray[np.intp]:
-    # Twice as many as needed, because some lie within one cluster.
-    pairs = rng.integers(len(group), size=(2 * count, 2))
-    return pairs[group[pairs[:, 0]] != group[pairs[:, 1]]][:count]
-
-
-def _pairs_within(poses: Pose, radius_m: float) -> NDArray[np.intp]:
-    """Return all ordered pairs (P, 2) of images closer than a radius."""
-    pairs = KDTree(poses[:, :2]).query_pairs(radius_m, output_type="ndarray")
-    return np.concatenate([pairs, pairs[:, ::-1]])
-
-
-def _sample(rng: np.random.Generator, pairs: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    return pairs[rng.choice(len(pairs), min(count, len(pairs)), replace=False)]
-
-
 ROBOT_RADIUS_M = LOCOBOT.clear_radius_m
 """A straight line is free if its clearance is larger than this."""
 
 
-@dataclass(frozen=True, slots=True)
-class DriveSpacing:
-    """Spacing of the images of a drive (all ours, equal to the simulator's tour)."""
-
-    spacing_m: float = 0.12
-    """Metres between images along a path."""
-    turn_rad: float = radians(10)
-    """Rotation between images while turning on the spot."""
-    full_turn_share: float = 0.3
-    """Share of visited places with a full turn."""
-
-
-@dataclass(frozen=True, slots=True)
-class NearFarLimits:
-    """Limits of near and far pairs, for counting false positives (ours)."""
-
-    far_m: float = 3.0
-    """Pairs with a larger distance are far."""
-    far_rad: float = radians(92)
-    """Pairs with a larger difference of heading are far."""
-    around_m: float = 3.0
-    """Pairs with a blocked straight line are far if the shortest path is longer than this (behind a wall)."""
-    near_m: float = 1.2
-    """Near pairs have a smaller distance than this, in metres."""
-    near_rad: float = radians(34)
-    """Near pairs differ in heading by less than this; the target is in the field of view on a free straight line."""
+_SPACING_M, _TURN_RAD = 0.12, radians(10)
+"""Distance and rotation between the images of a drive (ours, equal to the simulator's tour)."""
+_FULL_TURN_SHARE = 0.3
+"""Share of visited places with a full turn (ours)."""
+_FAR_M, _FAR_RAD = 3.0, radians(92)
+"""Pairs with a larger distance or difference of heading are far, for counting false positives (ours)."""
+_AROUND_M = 3.0
+"""Pairs with a blocked straight line are far if the shortest path is longer than this (behind a wall; ours)."""
+_NEAR_M, _NEAR_RAD = 1.2, radians(34)
+"""Near pairs have a smaller distance and difference of heading, and a visible target on a free straight line (ours)."""
 
 
 def sample_drive_poses(floor: FreeSpace, rng: np.random.Generator, count: int) -> Pose:
     """Return (count, 3) poses in the order of a drive."""
-    spec = DriveSpacing()
     here = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
     parts: list[Pose] = [here[None]]
     while sum(map(len, parts)) < count:
@@ -293,55 +261,46 @@ def sample_drive_poses(floor: FreeSpace, rng: np.random.Generator, count: int) -
         # A goal in the same place gives no path to follow.
         if path is None or len(path) < 3:
             continue
-        parts.append(_along_path(path, parts[-1][-1, 2], spec))
-        if rng.random() < spec.full_turn_share:
-            parts.append(_turn(parts[-1][-1], 2 * np.pi, spec))
+        parts.append(_along_path(path, parts[-1][-1, 2]))
+        if rng.random() < _FULL_TURN_SHARE:
+            parts.append(_turn(parts[-1][-1], 2 * np.pi))
         here = parts[-1][-1]
     return np.concatenate(parts)[:count]
 
 
 def classify_near_far(poses: Pose, floor: FreeSpace) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which ordered pairs of poses (N, 3) are near and which are far, each (N, N); the diagonal is neither."""
-    classes = NearFarLimits()
     near, far = np.zeros((2, len(poses), len(poses)), bool)
-    for i in range(len(poses)):
-        near[i], far[i] = _classify_targets(i, poses, floor, classes)
+    for i, pose in enumerate(poses):
+        waypoints = relative(np.broadcast_to(pose, poses.shape), poses)
+        distance = np.hypot(waypoints[:, 0], waypoints[:, 1])
+        turn = np.abs(waypoints[:, 2])
+        ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < LOCOBOT.camera.horizontal_fov_rad / 2
+        far[i] = (distance > _FAR_M) | (turn > _FAR_RAD)
+        rows = np.flatnonzero(~far[i])
+        clearance = np.full(len(poses), np.inf)
+        clearance[rows] = floor.along(np.broadcast_to(pose[:2], (len(rows), 2)), poses[rows, :2])
+        blocked = np.flatnonzero(clearance <= 0)
+        if len(blocked):
+            far[i, blocked] = ~np.isfinite(floor.path_lengths(pose[:2], poses[blocked, :2], limit_m=_AROUND_M))
+        near[i] = (distance < _NEAR_M) & (turn < _NEAR_RAD) & ahead & (clearance > ROBOT_RADIUS_M)
     np.fill_diagonal(near, False)
     np.fill_diagonal(far, False)
     return near, far
 
 
-def _classify_targets(
-    i: int, poses: Pose, floor: FreeSpace, classes: NearFarLimits
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return near and far (N,) for the pairs whose source is image i."""
-    waypoints = relative(np.broadcast_to(poses[i], poses.shape), poses)
-    distance = np.hypot(waypoints[:, 0], waypoints[:, 1])
-    turn = np.abs(waypoints[:, 2])
-    ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < LOCOBOT.camera.horizontal_fov_rad / 2
-    far = (distance > classes.far_m) | (turn > classes.far_rad)
-    rows = np.flatnonzero(~far)
-    clearance = np.full(len(poses), np.inf)
-    clearance[rows] = floor.along(np.broadcast_to(poses[i, :2], (len(rows), 2)), poses[rows, :2])
-    blocked = np.flatnonzero(clearance <= 0)
-    if len(blocked):
-        far[blocked] = ~np.isfinite(floor.path_lengths(poses[i, :2], poses[blocked, :2], limit_m=classes.around_m))
-    near = (distance < classes.near_m) & (turn < classes.near_rad) & ahead & (clearance > ROBOT_RADIUS_M)
-    return near, far
-
-
-def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Pose:
+def _along_path(path: NDArray[np.float64], yaw: float) -> Pose:
     """Return poses that turn towards a path (M, 2) and follow it, heading to the point 0.4 m ahead."""
-    marks_m = np.arange(0, lengths_along(path)[-1], spec.spacing_m)
+    marks_m = np.arange(0, lengths_along(path)[-1], _SPACING_M)
     here = points_along(path, marks_m)
     ahead = points_along(path, marks_m + 0.4)
     yaws = np.arctan2(*(ahead - here).T[::-1])
     start = np.array([*here[0], yaw])
-    return np.concatenate([_turn(start, float(wrap_angle(yaws[0] - yaw)), spec), np.column_stack([here, yaws])])
+    return np.concatenate([_turn(start, float(wrap_angle(yaws[0] - yaw))), np.column_stack([here, yaws])])
 
 
-def _turn(pose: Pose, angle_rad: float, spec: DriveSpacing) -> Pose:
+def _turn(pose: Pose, angle_rad: float) -> Pose:
     """Return the poses of a turn on the spot by an angle, without the initial pose."""
-    steps = max(int(abs(angle_rad) / spec.turn_rad), 1)
+    steps = max(int(abs(angle_rad) / _TURN_RAD), 1)
     yaws = wrap_angle(pose[2] + angle_rad * np.arange(1, steps + 1) / steps)
     return np.column_stack([np.broadcast_to(pose[:2], (steps, 2)), yaws])

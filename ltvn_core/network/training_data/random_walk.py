@@ -10,11 +10,10 @@ from dataclasses import asdict, dataclass, field, replace
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose
-from ltvn_core.network.training_data.free_space import FreeSpace
 from ltvn_core.network.training_data.pose_sampling import CameraVariation, DatasetScene, cluster_pairs
+from ltvn_core.network.training_data.reachability_labels import FreeSpace
 from ltvn_core.network.training_data.shards import Shard, render_poses
 from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
 from ltvn_core.network.training_data.trajectory import UNKNOWN, UNREACHABLE
@@ -104,10 +103,11 @@ def random_walk(floor: FreeSpace, rng: np.random.Generator, count: int, policy: 
 def _turn_away(floor: FreeSpace, rng: np.random.Generator, pose: Pose, policy: RandomPolicy) -> list[Pose]:
     """Return the poses of a turn to one side until the path ahead is free, at most a full turn."""
     side = int(rng.choice([-1, 1]))
+    ahead = np.array([[share * policy.repeat * policy.step_m, 0.0, 0.0] for share in (0.25, 0.5, 0.75, 1.0)])
     poses = [pose]
     while len(poses) * policy.turn_rad < 2 * np.pi:
         poses.append(compose(poses[-1], _step(rng, side, policy)))
-        if _is_free_ahead(floor, poses[-1], policy):
+        if (floor.at(compose(poses[-1], ahead)[:, :2]) >= policy.clearance_m).all():
             break
     return poses[1:]
 
@@ -117,13 +117,6 @@ def _step(rng: np.random.Generator, action: int, policy: RandomPolicy) -> Pose:
     if action:
         return np.array([0.0, 0.0, action * policy.turn_rad * share])
     return np.array([policy.step_m * share, 0.0, policy.wobble_rad * rng.uniform(-1, 1)])
-
-
-def _is_free_ahead(floor: FreeSpace, pose: Pose, policy: RandomPolicy) -> bool:
-    """Return whether the robot could drive straight ahead for one action."""
-    reach = policy.repeat * policy.step_m
-    points = compose(pose, np.array([[share * reach, 0.0, 0.0] for share in (0.25, 0.5, 0.75, 1.0)]))
-    return bool((floor.at(points[:, :2]) >= policy.clearance_m).all())
 
 
 _BLOCK = 48
@@ -144,7 +137,10 @@ def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator)
     order = np.lexsort((rng.random(len(walk)), time // _BLOCK, walk))
     group = np.empty(len(walk), np.int32)
     group[order] = np.arange(len(walk)) // _GROUP
-    sources, targets = _pairs(order, group, rng)
+    within = [order[ends] for ends in cluster_pairs(len(order) // _GROUP, _GROUP)]
+    across = rng.integers(len(order), size=(_CROSS_PAIRS * (len(order) // _GROUP), 2))
+    across = across[group[across[:, 0]] != group[across[:, 1]]]
+    sources, targets = (np.concatenate(ends) for ends in zip(within, across.T, strict=True))
     labels = rule.labels_by_steps(time[targets] - time[sources], rng)
     labels = np.where(walk[sources] == walk[targets], labels, UNREACHABLE)
     known = labels != UNKNOWN
@@ -159,14 +155,3 @@ def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator)
         overlap=np.full(count, np.nan, np.float32),
         path_ratio=np.full(count, np.nan, np.float32),
     )
-
-
-def _pairs(
-    order: NDArray[np.intp], group: NDArray[np.int32], rng: np.random.Generator
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return sources and targets (P,): all ordered pairs within groups, and some across them."""
-    groups = len(order) // _GROUP
-    within = [order[ends] for ends in cluster_pairs(groups, _GROUP)]
-    across = rng.integers(len(order), size=(_CROSS_PAIRS * groups, 2))
-    across = across[group[across[:, 0]] != group[across[:, 1]]]
-    return np.concatenate([within[0], across[:, 0]]), np.concatenate([within[1], across[:, 1]])

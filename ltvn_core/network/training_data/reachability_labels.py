@@ -6,14 +6,13 @@ Owns the limits, the combination of the criteria to a label, and the geometry of
 from dataclasses import dataclass
 from enum import IntFlag
 from math import radians
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative
-from ltvn_core.network.training_data.free_space import FreeSpace
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose, Waypoint
 
@@ -30,20 +29,39 @@ OBSTACLE_HIGH_M = 0.9
 """Surfaces between these heights above the floor are obstacles for the robot."""
 
 
+class FreeSpace(Protocol):
+    """Free space of a scene: distances to obstacles and paths between them, for the centre of the robot."""
+
+    def at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Return the distances (...) in metres from points (..., 2) to the nearest obstacle."""
+        ...
+
+    def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
+        """Return the smallest clearance (N,) on straight lines from starts (N, 2) to ends (N, 2)."""
+        ...
+
+    def sample_poses(self, rng: np.random.Generator, count: int, *, min_clearance_m: float = ...) -> Pose:
+        """Draw free poses (count, 3)."""
+        ...
+
+    def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
+        """Return a path (M, 2) from start (2,) to goal (2,), or None if there is none."""
+        ...
+
+    def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = ...) -> NDArray[np.float64]:
+        """Return the lengths (N,) in metres of the shortest paths from start (2,) to goals (N, 2); inf if none."""
+        ...
+
+
 def straight_m(waypoints: Waypoint) -> NDArray[np.float64]:
     """Return the straight distances (N,) in metres."""
     return np.hypot(waypoints[:, 0], waypoints[:, 1])
 
 
-def bearing_rad(waypoints: Waypoint) -> NDArray[np.float64]:
-    """Return the directions (N,) in radians from the source to the target's position, positive to the left."""
-    return np.arctan2(waypoints[:, 1], waypoints[:, 0])
-
-
 def in_view(waypoints: Waypoint, camera: CameraModel, *, beside_rad: float = 0.0) -> NDArray[np.bool_]:
     """Return whether the target's position is at most `beside_rad` outside the horizontal field of view, (N,)."""
     fov_rad = camera.horizontal_fov_rad + 2 * beside_rad
-    return (waypoints[:, 0] > 0) & (np.abs(bearing_rad(waypoints)) < fov_rad / 2)
+    return (waypoints[:, 0] > 0) & (np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < fov_rad / 2)
 
 
 def unobstructed(
@@ -73,18 +91,13 @@ def overlap(
     The share is not symmetric: after driving forward, the target shows only a part of the source's view, but the source
     shows most of the target's view.
     """
-    rays = _rays(camera)
-    half = POINT_STEP // 2
-    metres = target_depth[:, half::POINT_STEP, half::POINT_STEP].reshape(len(waypoints), rays.shape[1])
-    metres = metres.astype(np.float32)
-    x = metres
-    y = metres * rays[0]
+    x, y, z = _sampled_points(target_depth, camera)
     cos, sin = (f(waypoints[:, 2:]).astype(np.float32) for f in (np.cos, np.sin))
     ahead = cos * x - sin * y + waypoints[:, :1].astype(np.float32)
     left = sin * x + cos * y + waypoints[:, 1:2].astype(np.float32)
-    visible, seen = _sample_depth(np.stack([ahead, left, metres * rays[1]]), source_depth, camera)
-    visible &= (metres > 0) & (np.abs(seen - ahead) < 0.1 * ahead + 0.05)
-    return visible.sum(1) / np.maximum((metres > 0).sum(1), 1)
+    visible, seen = _sample_depth(np.stack([ahead, left, z]), source_depth, camera)
+    visible &= (x > 0) & (np.abs(seen - ahead) < 0.1 * ahead + 0.05)
+    return visible.sum(1) / np.maximum((x > 0).sum(1), 1)
 
 
 def clearance_from_depth(
@@ -102,21 +115,16 @@ def clearance_from_depth(
     Returns:
         (P,) distances; infinity where nothing is seen at the height of the robot.
     """
-    half = POINT_STEP // 2
-    rows = np.arange(half, camera.height, POINT_STEP)
-    columns = np.arange(half, camera.width, POINT_STEP)
-    depth = source_depth[:, half::POINT_STEP, half::POINT_STEP].astype(np.float32)
-    left = ((camera.cx - columns) / camera.fx).astype(np.float32) * depth
-    height = ((camera.cy - rows) / camera.fy)[:, None].astype(np.float32) * depth + camera.height_m
+    depth, left, height = _sampled_points(source_depth, camera)
+    height = height + camera.height_m
     ends = waypoints[:, :2].astype(np.float32)
-    length = np.maximum((ends**2).sum(1), 1e-6)
-    ahead_x = ends[:, 0, None, None]
-    ahead_y = ends[:, 1, None, None]
+    length = np.maximum((ends**2).sum(1, keepdims=True), 1e-6)
+    ahead_x, ahead_y = ends[:, :1], ends[:, 1:]
     # Projection of each point onto the segment from the robot to the waypoint, as a share of its length.
-    along = np.clip((depth * ahead_x + left * ahead_y) / length[:, None, None], 0, 1)
+    along = np.clip((depth * ahead_x + left * ahead_y) / length, 0, 1)
     beside = np.hypot(depth - along * ahead_x, left - along * ahead_y)
     is_obstacle = (depth > 0) & (height > OBSTACLE_LOW_M) & (height < OBSTACLE_HIGH_M)
-    return np.where(is_obstacle, beside, np.inf).min((1, 2)).astype(np.float64)
+    return np.where(is_obstacle, beside, np.inf).min(1).astype(np.float64)
 
 
 def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) -> NDArray[np.float64]:
@@ -134,13 +142,14 @@ def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) 
     return np.maximum(ratio, 1.0)
 
 
-def _rays(camera: CameraModel) -> NDArray[np.float32]:
-    """Return the left and up coordinates (2, M) of the sampled pixels at one metre of depth."""
+def _sampled_points(depth: NDArray[np.floating], camera: CameraModel) -> NDArray[np.float32]:
+    """Return the points (3, N, M) of the sampled pixels of depths (N, H, W): ahead, left and up of the camera."""
     half = POINT_STEP // 2
     rows = np.arange(half, camera.height, POINT_STEP)
     columns = np.arange(half, camera.width, POINT_STEP)
     up, left = np.meshgrid((camera.cy - rows) / camera.fy, (camera.cx - columns) / camera.fx, indexing="ij")
-    return np.stack([left.ravel(), up.ravel()]).astype(np.float32)
+    metres = depth[:, half::POINT_STEP, half::POINT_STEP].reshape(len(depth), up.size).astype(np.float32)
+    return np.stack([metres, metres * left.ravel().astype(np.float32), metres * up.ravel().astype(np.float32)])
 
 
 def _sample_depth(
@@ -193,8 +202,6 @@ class ReachabilityLimits:
 class PairLabels(NamedTuple):
     """Labels of N pairs."""
 
-    waypoints: Waypoint
-    """(N, 3) pose of the target in the source's frame."""
     reachable: NDArray[np.bool_]
     """(N,) whether the pair meets all criteria."""
     failed: NDArray[np.uint8]
@@ -203,8 +210,6 @@ class PairLabels(NamedTuple):
     """(N,) share of the target's points that the source sees; nan where not measured."""
     path_ratio: NDArray[np.float32]
     """(N,) ratio of the path to the straight line; nan where not measured."""
-    line_clearance_m: NDArray[np.float32]
-    """(N,) smallest clearance on the straight line."""
 
 
 def label_poses(
@@ -232,7 +237,12 @@ def label_poses(
     limits = limits or ReachabilityLimits()
     camera = LOCOBOT.camera
     waypoints = relative(sources, targets)
-    failed = _failures_without_overlap(waypoints, source_depth, limits, camera)
+    straight = straight_m(waypoints)
+    visible = in_view(waypoints, camera) & unobstructed(waypoints, source_depth, camera, tolerance_m=limits.occlusion_m)
+    visible |= straight < limits.at_place_m
+    failed = np.where(straight < limits.distance_m, 0, FailedCriteria.DISTANCE).astype(np.uint8)
+    failed |= np.where(np.abs(waypoints[:, 2]) < limits.yaw_rad, 0, FailedCriteria.YAW).astype(np.uint8)
+    failed |= np.where(visible, 0, FailedCriteria.VISIBILITY).astype(np.uint8)
     shared = np.full(len(waypoints), np.nan)
     ratio = np.full(len(waypoints), np.nan)
     rows = np.flatnonzero(failed == 0)
@@ -244,22 +254,8 @@ def label_poses(
     clearance = floor.along(sources[:, :2], targets[:, :2])
     failed |= np.where(clearance > limits.line_clearance_m, 0, FailedCriteria.LINE).astype(np.uint8)
     return PairLabels(
-        waypoints=waypoints,
         reachable=failed == 0,
         failed=failed,
         overlap=shared.astype(np.float32),
         path_ratio=ratio.astype(np.float32),
-        line_clearance_m=clearance.astype(np.float32),
     )
-
-
-def _failures_without_overlap(
-    waypoints: Waypoint, source_depth: NDArray[np.floating], limits: ReachabilityLimits, camera: CameraModel
-) -> NDArray[np.uint8]:
-    straight = straight_m(waypoints)
-    visible = in_view(waypoints, camera) & unobstructed(waypoints, source_depth, camera, tolerance_m=limits.occlusion_m)
-    visible |= straight < limits.at_place_m
-    failed = np.where(straight < limits.distance_m, 0, FailedCriteria.DISTANCE)
-    failed |= np.where(np.abs(waypoints[:, 2]) < limits.yaw_rad, 0, FailedCriteria.YAW)
-    failed |= np.where(visible, 0, FailedCriteria.VISIBILITY)
-    return failed.astype(np.uint8)

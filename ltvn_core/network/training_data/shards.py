@@ -208,8 +208,33 @@ class DatasetRecipe:
         return json.dumps(asdict(self), sort_keys=True)
 
     def make(self, world: DatasetScene) -> Shard:
-        """Make the shard of one scene."""
-        return make_shard(world, self)
+        """Sample, render and label the pairs of one scene.
+
+        Labels describe poses and not cameras, so they are computed from the depth of the nominal camera.
+        """
+        rng = np.random.default_rng([self.seed, zlib.crc32(world.name.encode())])
+        clusters = cluster_poses(world.floor, rng, self.clusters, self.sampling)
+        poses = clusters.reshape(-1, 3)
+        group = np.repeat(np.arange(len(clusters), dtype=np.int32), self.sampling.size)
+        rgb, depth_mm = render_poses(world.camera, poses)
+        near = cluster_pairs(len(clusters), self.sampling.size)
+        negatives = hard_negative_pairs(rng, poses, group, rgb, depth_mm, self.strangers * len(clusters))
+        sources, targets = (np.concatenate(ends) for ends in zip(near, negatives, strict=True))
+        labels = label_image_pairs(world, poses, depth_mm, sources, targets, self.limits)
+        cameras = self.cameras.draw(rng, len(clusters))
+        for row in np.flatnonzero([cameras[each] != LOCOBOT.camera for each in group]):
+            rgb[row], depth_mm[row] = _render(world.camera, poses[row], cameras[group[row]])
+        return Shard(
+            name=world.name,
+            recipe=self.text(),
+            rgb=rgb,
+            depth_mm=depth_mm,
+            poses=poses,
+            group=group,
+            sources=sources,
+            targets=targets,
+            **labels._asdict(),
+        )
 
 
 class ShardRecipe(Protocol):
@@ -268,40 +293,6 @@ def _make_and_write(name: str, open_world: OpenDatasetScene, path: Path, recipe:
     write_shard(shard, path)
     reachable = 100 * shard.reachable.sum() / max(len(shard.reachable), 1)
     return f"{name}: {len(shard.rgb)} images, {len(shard.sources)} pairs, {reachable:.0f} % reachable"
-
-
-def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
-    """Sample, render and label the pairs of one scene.
-
-    Labels describe poses and not cameras, so they are computed from the depth of the nominal camera.
-    """
-    rng = np.random.default_rng([recipe.seed, zlib.crc32(world.name.encode())])
-    clusters = cluster_poses(world.floor, rng, recipe.clusters, recipe.sampling)
-    size = recipe.sampling.size
-    poses = clusters.reshape(-1, 3)
-    group = np.repeat(np.arange(len(clusters), dtype=np.int32), size)
-    rgb, depth_mm = render_poses(world.camera, poses)
-    near = cluster_pairs(len(clusters), size)
-    negatives = hard_negative_pairs(rng, poses, group, rgb, depth_mm, recipe.strangers * len(clusters))
-    sources, targets = (np.concatenate(ends) for ends in zip(near, negatives, strict=True))
-    labels = label_image_pairs(world, poses, depth_mm, sources, targets, recipe.limits)
-    cameras = recipe.cameras.draw(rng, len(clusters))
-    for row in np.flatnonzero([cameras[each] != LOCOBOT.camera for each in group]):
-        rgb[row], depth_mm[row] = _render(world.camera, poses[row], cameras[group[row]])
-    return Shard(
-        name=world.name,
-        recipe=recipe.text(),
-        rgb=rgb,
-        depth_mm=depth_mm,
-        poses=poses,
-        group=group,
-        sources=sources,
-        targets=targets,
-        reachable=labels.reachable,
-        failed=labels.failed,
-        overlap=labels.overlap,
-        path_ratio=labels.path_ratio,
-    )
 
 
 def render_poses(

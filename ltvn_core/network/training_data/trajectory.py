@@ -21,20 +21,12 @@ UNREACHABLE = 0
 UNKNOWN = -1
 
 
-@dataclass(frozen=True, slots=True)
-class KeyframeSelection:
-    """Thresholds for the selection of keyframes, and for splitting a drive at jumps (all values are ours)."""
-
-    keep_m: float = 0.1
-    """Distance since the last kept image after which the next is kept, in metres."""
-    keep_rad: float = radians(8)
-    """Change of heading since the last kept image after which the next is kept, in radians."""
-    jump_m: float = 1.0
-    """Distance in odometry between consecutive images above which it has jumped and a new piece begins, in metres."""
-    jump_rad: float = radians(90)
-    """Turn in odometry between consecutive images above which it has jumped and a new piece begins, in radians."""
-    fewest: int = 20
-    """Least number of kept images; a drive with fewer is refused."""
+_KEEP_M, _KEEP_RAD = 0.1, radians(8)
+"""Distance, or change of heading, since the last kept image after which the next is kept (ours)."""
+_JUMP_M, _JUMP_RAD = 1.0, radians(90)
+"""Distance, or turn, in odometry between consecutive images above which it has jumped and a new piece begins (ours)."""
+_FEWEST = 20
+"""Least number of kept images; a drive with fewer is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +71,20 @@ def select_keyframes(
     Raises:
         RecordingError: There is no odometry, there are too few images, or all show one place.
     """
-    selection = KeyframeSelection()
-    odometry = _odometry(observations, name, selection)
-    jumped = odometry_jumps(odometry, selection)
+    odometry = _odometry(observations, name)
+    jumped = odometry_jumps(odometry)
     piece = np.concatenate([[0], np.cumsum(jumped)])
-    rows = _rows_with_depth(_keyframe_rows(odometry, piece, selection), observations, name)
-    if len(rows) < selection.fewest:
+    rows = _keyframe_rows(odometry, piece)
+    with_depth = np.array([observations[row].has_depth for row in rows], bool)
+    if with_depth.any() and not with_depth.all():  # If no image has depth, a later message is more helpful.
+        missing = int((~with_depth).sum())
+        log.warning("%s: %d of %d images have no depth and are not used for training.", name, missing, len(rows))
+        rows = rows[with_depth]
+    if len(rows) < _FEWEST:
         raise RecordingError(
-            f"{name}: only {len(rows)} of {len(odometry)} images are at least {selection.keep_m:g} m or "
-            f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about the same place; fine-tuning needs "
-            f"{selection.fewest}. Record a longer drive through the rooms."
+            f"{name}: only {len(rows)} of {len(odometry)} images are at least {_KEEP_M:g} m or "
+            f"{degrees(_KEEP_RAD):.0f} degrees apart, so all show about the same place; fine-tuning needs {_FEWEST}. "
+            "Record a longer drive through the rooms."
         )
     driven, turned = odometry_steps(odometry)
     kept = [observations[row] for row in rows]
@@ -104,11 +100,11 @@ def select_keyframes(
     )
 
 
-def _odometry(observations: Sequence[Observation], name: str, selection: KeyframeSelection) -> Pose:
+def _odometry(observations: Sequence[Observation], name: str) -> Pose:
     """Return the odometry (N, 3) after checking that it exists and moves."""
-    if len(observations) < selection.fewest:
+    if len(observations) < _FEWEST:
         raise RecordingError(
-            f"{name}: holds {len(observations)} images; fine-tuning needs {selection.fewest} or more. Record a longer "
+            f"{name}: holds {len(observations)} images; fine-tuning needs {_FEWEST} or more. Record a longer "
             "drive, for instance with `ltvn app` or `ltvn collect`."
         )
     odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
@@ -128,30 +124,21 @@ def odometry_steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.floa
     return np.hypot(moved[:, 0], moved[:, 1]), np.abs(wrap_angle(moved[:, 2]))
 
 
-def odometry_jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
+def odometry_jumps(odometry: Pose) -> NDArray[np.bool_]:
     """Return a mask (N - 1,) of the steps between consecutive images at which odometry jumped."""
     driven, turned = odometry_steps(odometry)
-    return (driven > selection.jump_m) | (turned > selection.jump_rad)
+    return (driven > _JUMP_M) | (turned > _JUMP_RAD)
 
 
-def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: KeyframeSelection) -> NDArray[np.intp]:
+def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer]) -> NDArray[np.intp]:
     """Return the rows of images that are far enough from the last kept one, or begin a piece."""
     rows = [0]
     for row in range(1, len(odometry)):
         shift = odometry[row] - odometry[rows[-1]]
-        far = np.hypot(shift[0], shift[1]) >= selection.keep_m or abs(wrap_angle(shift[2])) >= selection.keep_rad
+        far = np.hypot(shift[0], shift[1]) >= _KEEP_M or abs(wrap_angle(shift[2])) >= _KEEP_RAD
         if far or piece[row] != piece[rows[-1]]:
             rows.append(row)
     return np.array(rows, np.intp)
-
-
-def _rows_with_depth(rows: NDArray[np.intp], observations: Sequence[Observation], name: str) -> NDArray[np.intp]:
-    """Leave out the images without depth, and log how many they are; a drive without any depth keeps them all."""
-    seen = np.array([observations[row].has_depth for row in rows], bool)
-    if seen.all() or not seen.any():
-        return rows  # If no image has depth, a later message about the camera is more helpful.
-    log.warning("%s: %d of %d images have no depth and are not used for training.", name, int((~seen).sum()), len(rows))
-    return rows[seen]
 
 
 def _millimetres(observation: Observation) -> NDArray[np.uint16]:

@@ -21,7 +21,7 @@ from ltvn_core.network.training_data.reachability_labels import (
     unobstructed,
 )
 from ltvn_core.network.training_data.trajectory import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory
-from ltvn_core.types import Pose, Waypoint
+from ltvn_core.types import Waypoint
 
 _PAIRS_AT_ONCE = 4096
 _MOST_PAIRS = 80_000
@@ -120,10 +120,9 @@ class OdometryLabelRule:
 
 
 @dataclass(frozen=True, eq=False)
-class TrajectoryPairs:
-    """The labelled pairs of a drive, as training examples (`training_examples.LabelledTrajectory`)."""
+class TrajectoryPairs(Trajectory):
+    """A drive with its labelled pairs, as training examples (`training_examples.SceneExamples`)."""
 
-    trajectory: Trajectory
     rule: LabelRule
     sources: NDArray[np.int32]
     """(P,) rows of the source images of pairs at most H images apart whose label is known."""
@@ -131,31 +130,6 @@ class TrajectoryPairs:
     """(P,) rows of the target images."""
     reachable: NDArray[np.bool_]
     """(P,) whether each pair is reachable."""
-
-    @property
-    def name(self) -> str:
-        """Name of the drive."""
-        return self.trajectory.name
-
-    @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """(N, H, W, 3) colours."""
-        return self.trajectory.rgb
-
-    @property
-    def depth_mm(self) -> NDArray[np.uint16]:
-        """(N, H, W) depth in millimetres, 0 where missing."""
-        return self.trajectory.depth_mm
-
-    @property
-    def poses(self) -> Pose:
-        """(N, 3) poses by odometry."""
-        return self.trajectory.poses
-
-    @property
-    def piece(self) -> NDArray[np.int32]:
-        """(N,) number of the piece between jumps of odometry."""
-        return self.trajectory.piece
 
     @property
     def group(self) -> NDArray[np.int32]:
@@ -169,7 +143,7 @@ class TrajectoryPairs:
 
     def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which pairs of rows (S, T) are certainly not reachable, however odometry may have drifted."""
-        return self.rule.far(self.trajectory, sources[:, None], targets[None, :])
+        return self.rule.far(self, sources[:, None], targets[None, :])
 
 
 def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Generator) -> TrajectoryPairs:
@@ -187,7 +161,7 @@ def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Gen
     labels = rule.labels(trajectory, i, j, rng)
     known = labels != UNKNOWN
     return TrajectoryPairs(
-        trajectory=trajectory,
+        **vars(trajectory),
         rule=rule,
         sources=i[known].astype(np.int32),
         targets=j[known].astype(np.int32),

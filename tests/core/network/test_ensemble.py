@@ -15,6 +15,7 @@ from ltvn_core.network.architecture import (
     PairArchitecture,
     StackedArchitecture,
 )
+from ltvn_core.network.base_network import MixedPrecision
 from ltvn_core.network.baseline_training import baseline_training_plan
 from ltvn_core.network.image_features import pack
 from ltvn_core.network.model_card import measure_speed
@@ -27,7 +28,6 @@ from ltvn_core.network.network_families import (
     default_architecture,
     extend_network,
 )
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.training_loop import train
 from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor

@@ -10,8 +10,8 @@ import torch
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
+from ltvn_core.network.base_network import FLOAT32
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
-from ltvn_core.network.optimization.mixed_precision import FLOAT32
 from ltvn_core.network.optimization.reachability_calibration import fit_platt
 from ltvn_core.network.optimization.trainer import (
     Hyperparameters,
@@ -38,7 +38,7 @@ def trainer(size: PairArchitecture | StackedArchitecture = SMALL) -> Trainer:
 @both_networks
 def test_a_few_steps_lower_the_loss(size: PairArchitecture | StackedArchitecture) -> None:
     sampler, learning = BatchSampler([tiny_shard()]), trainer(size)
-    reports = [learning.step(sampler, FLOAT32, 0.1 + step / 100) for step in range(40)]
+    reports = [learning.step(sampler, 0.1 + step / 100) for step in range(40)]
     assert isinstance(size, PairArchitecture) or all(report.total == report.loss for report in reports)
     losses = [report.total for report in reports]
     assert np.mean(losses[-5:]) < 0.85 * np.mean(losses[:5])
@@ -53,11 +53,11 @@ def test_a_resumed_training_equals_an_uninterrupted_one(
     for step in range(4):
         if step == 2:
             save_checkpoint(straight, tmp_path / "c.safetensors", seconds=1.5)
-        straight.step(sampler, FLOAT32, 0.2)
+        straight.step(sampler, 0.2)
     resumed = trainer(size)
     assert restore_checkpoint(resumed, tmp_path / "c.safetensors") == 1.5
     for _ in range(2):
-        resumed.step(sampler, FLOAT32, 0.2)
+        resumed.step(sampler, 0.2)
     for part in ("network", "average"):
         expected, found = getattr(straight, part).state_dict(), getattr(resumed, part).state_dict()
         for name, value in expected.items():
@@ -83,7 +83,7 @@ def test_training_goes_on_after_an_interruption_and_ends_with_calibrated_weights
         PLAN, size, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40
     )
     begun = trainer(size)
-    begun.step(BatchSampler([tiny_shard()]), FLOAT32, 0.0)
+    begun.step(BatchSampler([tiny_shard()]), 0.0)
     save_checkpoint(begun, tmp_path / "checkpoint.safetensors", seconds=1.0)
     result = train(tiny_data(), plan, tmp_path)
     assert result.steps == 3

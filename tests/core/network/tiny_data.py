@@ -8,7 +8,7 @@ from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
 from ltvn_core.network.optimization.training_loop import TrainingData
 from ltvn_core.network.pair_evaluation import LabelledDrive
 from ltvn_core.network.training_data.pose_sampling import ClusterSampling, classify_near_far, sample_drive_poses
-from ltvn_core.network.training_data.shards import DatasetRecipe, Shard, make_shard, render_poses
+from ltvn_core.network.training_data.shards import DatasetRecipe, Shard, render_poses
 from ltvn_core.types import Observation
 from tests.core.network.training_data.box_world import two_rooms
 
@@ -18,7 +18,7 @@ SMALL_STACKED = StackedArchitecture(stem=8, quarter=8, eighth=16, sixteenth=16, 
 
 @lru_cache
 def tiny_shard(name: str = "a") -> Shard:
-    return make_shard(two_rooms(name), DatasetRecipe(clusters=8, sampling=ClusterSampling(size=6)))
+    return DatasetRecipe(clusters=8, sampling=ClusterSampling(size=6)).make(two_rooms(name))
 
 
 @lru_cache

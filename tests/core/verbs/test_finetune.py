@@ -18,7 +18,7 @@ from ltvn_core.evaluation.predictor_accuracy.judged_sequence import read_sequenc
 from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.predictors.geometric_evidence import shipped_calibration
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.training.fine_tuning_data import SimulatedPairs, ignore_progress, read_labelled_drive
+from ltvn_core.training.fine_tuning_data import RehearsalData, ignore_progress, read_labelled_drive
 from ltvn_core.types import Observation
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.verb import to_json
@@ -61,7 +61,7 @@ def test_a_recording_becomes_labelled_pairs(recording: Path) -> None:
 
 def test_a_dataset_folder_that_holds_nothing_is_named(recording: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"nowhere: needs shards .* run `ltvn dataset --folder"):
-        SimulatedPairs(tmp_path / "nowhere").load(
+        RehearsalData(tmp_path / "nowhere").load(
             read_labelled_drive(recording, OdometryLabelRule(horizon=8)), ignore_progress, with_validation_drives=False
         )
 

@@ -14,12 +14,12 @@ from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.training_data.pose_sampling import ClusterSampling
 from ltvn_core.network.training_data.random_walk import WalkRecipe
-from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard, shard_path, write_shard
+from ltvn_core.network.training_data.shards import DatasetRecipe, shard_path, write_shard
 from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, FineTuningReporter, fine_tune
-from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES, label_drive, system_training
+from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES, SystemTraining, label_drive
 from tests.core.network.tiny_data import SMALL
 from tests.core.network.training_data.box_world import two_rooms
 from tests.core.network.training_data.example_drive import observations_at, poses_along
@@ -41,7 +41,7 @@ def start(tmp_path: Path) -> Path:
 def dataset(tmp_path: Path) -> Path:
     recipe = DatasetRecipe(clusters=6, sampling=ClusterSampling(size=6))
     for name in ("train-00", "tune-0"):
-        write_shard(make_shard(two_rooms(name), recipe), shard_path(tmp_path / "data", name))
+        write_shard(recipe.make(two_rooms(name)), shard_path(tmp_path / "data", name))
     return tmp_path / "data"
 
 
@@ -64,7 +64,7 @@ def fine_tune_for(
     cancelled: Event | None = None,
 ) -> FineTunedWeights | None:
     """Fine-tune weights on the drive as the evaluation of a system does."""
-    training = system_training(system_entry(system))
+    training = SystemTraining(system_entry(system).learning)
     return fine_tune(
         label_drive(observations_at(WAY), "scene-0", camera=LOCOBOT.camera, rule=training.label_rule()),
         training.rehearsal(data),

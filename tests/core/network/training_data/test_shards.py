@@ -13,7 +13,6 @@ from ltvn_core.network.training_data.shards import (
     DatasetRecipe,
     Shard,
     generate_shards,
-    make_shard,
     read_shard,
     shard_path,
     write_shard,
@@ -32,14 +31,14 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_scenes_and_seeds_draw_different_poses() -> None:
-    shard = make_shard(two_rooms("a"), RECIPE)
-    assert not np.array_equal(shard.poses, make_shard(two_rooms("b"), RECIPE).poses)
-    assert not np.array_equal(shard.poses, make_shard(two_rooms("a"), replace(RECIPE, seed=1)).poses)
+    shard = RECIPE.make(two_rooms("a"))
+    assert not np.array_equal(shard.poses, RECIPE.make(two_rooms("b")).poses)
+    assert not np.array_equal(shard.poses, replace(RECIPE, seed=1).make(two_rooms("a")).poses)
 
 
 def test_a_shard_comes_back_as_it_was_written(tmp_path: Path) -> None:
     path = generate_shards(["a"], two_rooms, tmp_path, RECIPE)[0]
-    shard, made = read_shard(path), make_shard(two_rooms("a"), RECIPE)
+    shard, made = read_shard(path), RECIPE.make(two_rooms("a"))
     assert shard.name == "a"
     for field in ("rgb", "depth_mm", "poses", "sources", "targets", "reachable", "failed", "overlap"):
         np.testing.assert_array_equal(getattr(shard, field), getattr(made, field))
@@ -88,13 +87,13 @@ def test_arrays_that_do_not_belong_together_are_refused(
     tmp_path: Path, change: dict[str, np.ndarray], message: str
 ) -> None:
     path = tmp_path / "odd.pairs.safetensors"
-    write_shard(replace(make_shard(two_rooms("a"), RECIPE), **change), path)
+    write_shard(replace(RECIPE.make(two_rooms("a")), **change), path)
     with pytest.raises(DatasetError, match=message):
         read_shard(path)
 
 
 def test_a_pair_of_an_image_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    shard = make_shard(two_rooms("a"), RECIPE)
+    shard = RECIPE.make(two_rooms("a"))
     path = tmp_path / "odd.pairs.safetensors"
     write_shard(replace(shard, targets=shard.targets + 1000), path)
     with pytest.raises(DatasetError, match="missing image"):
@@ -142,7 +141,7 @@ def strangers(shard: Shard) -> np.ndarray:
 
 
 def test_pairs_across_clusters_hold_neighbours_views_from_behind_and_far_ones() -> None:
-    shard = make_shard(two_rooms("a"), HARD)
+    shard = HARD.make(two_rooms("a"))
     pairs = strangers(shard)
     apart = np.linalg.norm(shard.poses[pairs[:, 0], :2] - shard.poses[pairs[:, 1], :2], axis=1)
     turn = np.abs(wrap_angle(shard.poses[pairs[:, 0], 2] - shard.poses[pairs[:, 1], 2]))
@@ -153,13 +152,13 @@ def test_pairs_across_clusters_hold_neighbours_views_from_behind_and_far_ones() 
 
 
 def test_no_hard_negatives_are_drawn_where_none_are_asked_for() -> None:
-    shard = make_shard(two_rooms("a"), DatasetRecipe(clusters=4, sampling=ClusterSampling(size=4), strangers=0))
+    shard = DatasetRecipe(clusters=4, sampling=ClusterSampling(size=4), strangers=0).make(two_rooms("a"))
     assert len(strangers(shard)) == 0
 
 
 def test_a_share_of_the_clusters_is_seen_by_another_camera_and_labelled_by_the_nominal_one() -> None:
-    level = make_shard(two_rooms("a"), DatasetRecipe(clusters=40, cameras=CameraVariation(share=0.0)))
-    varied = make_shard(two_rooms("a"), DatasetRecipe(clusters=40, cameras=CameraVariation(share=0.5)))
+    level = DatasetRecipe(clusters=40, cameras=CameraVariation(share=0.0)).make(two_rooms("a"))
+    varied = DatasetRecipe(clusters=40, cameras=CameraVariation(share=0.5)).make(two_rooms("a"))
     changed = (level.depth_mm != varied.depth_mm).any((1, 2))
     by_cluster = changed.reshape(40, -1)
     assert np.array_equal(by_cluster.all(1), by_cluster.any(1))

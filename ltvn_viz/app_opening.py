@@ -149,6 +149,7 @@ def open_app_state(
             system=options.system,
             predictor=asked.predictor,
             weights=options.weights,
+            device=options.device,
             seed=options.seed,
         ),
     )
@@ -209,9 +210,9 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
 
 
 def _open_learning(options: AppOptions) -> FineTuning:
-    tuner = replace(options.tuner, system=options.system) if options.predictor == NETWORK else None
+    tuner = replace(options.tuner, system=options.system, device=options.device)
     executor = ThreadPoolExecutor(1, "learning")
-    return FineTuning(tuner, options.start_weights, executor)
+    return FineTuning(tuner if options.predictor == NETWORK else None, options.start_weights, executor)
 
 
 def _image_source(

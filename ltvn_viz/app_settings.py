@@ -7,7 +7,7 @@ from typing import Literal
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
+from ltvn_core.verbs.option_types import AUTO, DeviceOption, PredictorName, SystemName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +34,7 @@ class AppSettings:
     """
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
+    device: DeviceOption = "auto"
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None

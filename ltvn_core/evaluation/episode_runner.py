@@ -214,7 +214,7 @@ def open_runner(files: RunFiles, queries: int = 0, *, maintain: bool = False) ->
     """Load the map after a number of queries, with its scene and network."""
     plan = files.plan
     scene = load_scene(plan.scene)
-    predictor = open_predictor(plan.predictor, plan.scene, files.weights)
+    predictor = open_predictor(plan.predictor, plan.scene, files.weights, device=plan.device)
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
     return EpisodeRunner(
         scene,

@@ -104,6 +104,8 @@ class RunPlan:
     """Parts of the method that are switched off, see `evaluation.method_parts`."""
     predictor: str = NETWORK
     """Name of the predictor."""
+    device: str = "cpu"
+    """Where a network computes: cpu, cuda or mps."""
     perturbations: tuple[str, ...] = ()
     """Perturbations of the robot's camera in the episodes, not in the mapping drive."""
     conditions: tuple[str, ...] = ()
@@ -289,9 +291,11 @@ def claim_files(files: RunFiles) -> None:
 def plan_settings(plan: RunPlan) -> dict[str, Any]:
     """Return the stored settings of a plan: all that its results depend on, except the number of episodes.
 
-    Slips and body are left out at their defaults, because drives of older versions do not name them.
+    Slips, body and device are left out at their defaults, because drives of older versions do not name them.
     """
     settings: dict[str, Any] = asdict(plan) | {"version": version("ltvn")}
+    if plan.device == "cpu":
+        del settings["device"]
     protocol = settings["protocol"]
     del protocol["episodes"]
     protocol["body"] = body = choose_body(plan.protocol.body)

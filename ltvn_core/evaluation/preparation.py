@@ -86,6 +86,7 @@ def _fine_tune(files: RunFiles) -> None:
         training.adapt_plan(FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)),
         provenance=FineTuningProvenance(recording=files.drive.name, system=name),
         work_folder=files.weights.with_suffix(".part"),
+        device=plan.device,
     )
 
 
@@ -138,7 +139,7 @@ def _build(files: RunFiles, drive_truth: DriveGroundTruth) -> None:
     """Build the map of a plan, or share that of another plan with the same drive and settings."""
     plan = files.plan
     scene = load_scene(plan.scene)
-    predictor = open_predictor(plan.predictor, plan.scene, files.weights)
+    predictor = open_predictor(plan.predictor, plan.scene, files.weights, device=plan.device)
     system = open_planned_system(plan, predictor, scene, maintain=False)
     thresholds = {group: asdict(getattr(system.method, group)) for group in _BUILDS_WITH}
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": thresholds}

@@ -21,6 +21,7 @@ from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.predictors.remembered_answers import RememberedPredictor
+from ltvn_core.predictors.request import predictor_card
 from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import FrameId, Observation
@@ -40,6 +41,8 @@ class BuildOptions:
     """Name of the predictor that compares images."""
     weights: Path | None = None
     """Path of weights to use instead of those that come with the system."""
+    device: str = "cpu"
+    """Where a network computes, see `open_predictor`."""
     goals: tuple[FrameId, ...] = ()
     """Images that must become nodes because they are goals."""
     seed: int = 0
@@ -77,7 +80,7 @@ def build_recorded_map(
         log.warning(finding)
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
-    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
+    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera, device=options.device)
     named = choice.name, meta.scene
     with (
         nullcontext(predictor)
@@ -115,4 +118,5 @@ def _needed_space(recordings: Sequence[Recording]) -> NeededSpace | None:
 
 def save_recorded_map(built: TopologicalMap, output: Path | str, options: BuildOptions) -> None:
     """Write a map to a new file, with how it was built. Raises MapError and RecordingError."""
-    built.save(output, config={"verb": "build", "preset": options.preset, "seed": options.seed})
+    device = predictor_card(built.predictor).device
+    built.save(output, config={"verb": "build", "preset": options.preset, "seed": options.seed, "device": device})

@@ -132,6 +132,7 @@ class TopologicalMap(WithDoubts):
         preset: str = "robust",
         predictor: str = AUTO,
         weights: Path | str | None = None,
+        device: str = "cpu",
         with_reserve: bool = True,
     ) -> Self:
         """Return a map of a file, with the predictor that made it and the system that built it.
@@ -141,6 +142,7 @@ class TopologicalMap(WithDoubts):
             preset: Name of the method's settings.
             predictor: Name of the predictor that compares images; `auto` is the one that made the map.
             weights: Weights to use instead of those that come with the map's system.
+            device: Where a network computes, see `open_predictor`.
             with_reserve: Whether to encode the images of the reserve too.
 
         Raises:
@@ -155,7 +157,11 @@ class TopologicalMap(WithDoubts):
         entry = recorded_system(meta.config)
         name = ImageSource.of(meta).choose(predictor).name
         opened = open_predictor(
-            name, meta.scene, entry.weights_for(name, None if weights is None else Path(weights)), camera=meta.camera
+            name,
+            meta.scene,
+            entry.weights_for(name, None if weights is None else Path(weights)),
+            camera=meta.camera,
+            device=device,
         )
         known = cls.take(loaded, opened, entry.factory(open_method(preset, opened)), with_reserve=with_reserve)
         return replace(known, predictor_name=name)

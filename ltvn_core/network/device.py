@@ -1,12 +1,15 @@
-"""Chooses the device for training (GPU or CPU), logs it, and moves arrays to it. Navigation always runs on the CPU."""
+"""Chooses the device of a network (graphics card or CPU), logs it once, and moves arrays to it."""
 
 import logging
 import os
+from functools import cache
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+
+from ltvn_core.errors import OptionError
 
 log = logging.getLogger(__name__)
 
@@ -17,14 +20,15 @@ _MAX_THREADS = 4
 used: threads wait for each other at every layer, so any other busy program would slow them down several times."""
 
 
-def choose_device() -> torch.device:
-    """Return a GPU if there is one, else the CPU, and make it torch's default device."""
-    if not torch.cuda.is_available():
-        log.info("training on the CPU, %d threads", torch.get_num_threads())
-        return CPU
-    device = torch.device("cuda", 0)
-    torch.set_default_device(device)  # For new tensors; arrays are converted by `to_tensor`.
-    log.info("training on %s", torch.cuda.get_device_name(device))
+@cache
+def choose_device(wanted: str = "auto") -> torch.device:
+    """Return the device `cuda`, `mps` or `cpu`; `auto` is the first of them that is there. Raises OptionError."""
+    there = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    found = [name for name, is_there in there.items() if is_there]
+    if wanted not in ("auto", *found):
+        raise OptionError(f"--device {wanted}: PyTorch finds only {', '.join(found)} here; leave --device out.")
+    device = torch.device(found[0] if wanted == "auto" else wanted)
+    log.info("The network runs on %s.", torch.cuda.get_device_name(device) if device.type == "cuda" else device.type)
     return device
 
 

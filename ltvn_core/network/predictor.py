@@ -20,7 +20,7 @@ from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.device import CPU, device_of, limit_threads, to_tensor
+from ltvn_core.network.device import CPU, choose_device, device_of, limit_threads, to_tensor
 from ltvn_core.network.driving_calibration import measured_likelihoods
 from ltvn_core.network.image_features import may_match
 from ltvn_core.network.image_features import pack as pack_features
@@ -119,6 +119,11 @@ class NetworkPredictor:
         return None if self._weights is None else measured_likelihoods(self._weights)
 
     @property
+    def device(self) -> str:
+        """Kind of device that computes: cpu, cuda or mps."""
+        return self._device.type
+
+    @property
     def architecture(self) -> AnyArchitecture:
         """Return the sizes of the network."""
         return self._network.size
@@ -187,7 +192,7 @@ class NetworkPredictor:
             part = slice(first, first + _PAIRS_AT_ONCE)
             rows = sources if len(sources) == 1 else sources[part]
             found, pose = self._compare(self._tensor(rows), self._tensor(targets[part]))
-            reachability.append(found.double().cpu().numpy())
+            reachability.append(found.cpu().double().numpy())
             waypoints.append(pose_to_waypoints(pose))
         return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
 
@@ -206,7 +211,7 @@ class NetworkPredictor:
         # Sorted, so that equal inputs give equal batches and therefore bit-identical results.
         best = near[np.sort(likeness.topk(PREFILTER_KEEP).indices.cpu().numpy())]
         full = self._predict(source, held.features[held.rows[best]])
-        reachability = np.minimum(torch.sigmoid(logits).double().cpu().numpy(), full.reachability.min())
+        reachability = np.minimum(torch.sigmoid(logits).cpu().double().numpy(), full.reachability.min())
         waypoints = np.zeros((len(held.rows), 3))
         reachability[best], waypoints[best] = full
         return Prediction(reachability, waypoints)
@@ -222,19 +227,23 @@ class NetworkPredictor:
             raise ValueError(f"{len(sources)} sources cannot be paired with {len(targets)} targets one to one.")
 
 
-def load_predictor(path: Path | str | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:
+def load_predictor(
+    path: Path | str | None = None, *, prefilter_from: int | None = PREFILTER_FROM, device: str = "cpu"
+) -> NetworkPredictor:
     """Open a trained network as a predictor.
 
     Args:
         path: The weights file, with its card beside it; None opens the shipped weights.
         prefilter_from: Number of targets from which on only the best by a cheap score are compared in full; None always
             compares all of them.
+        device: The device that computes: `cpu`, `cuda`, `mps`, or `auto` for the fastest one.
 
     Raises:
+        OptionError: The device is missing.
         WeightsError: The file is missing, damaged or not ours.
     """
     path = Path(path or SHIPPED_WEIGHTS)
-    network = load_weights(path)
+    network = load_weights(path).to(choose_device(device))
     retain_freed_memory()
     limit_threads()
     return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from, weights=path)
@@ -249,7 +258,7 @@ def images_to_tensors(
 
 def pose_to_waypoints(pose: Tensor) -> NDArray[np.float64]:
     """Return waypoints (P, 3) from network poses (P, 4): dx, dy, sin, cos."""
-    x, y, sin, cos = pose.double().cpu().unbind(-1)
+    x, y, sin, cos = pose.cpu().double().unbind(-1)
     return torch.stack([x, y, torch.atan2(sin, cos)], dim=-1).numpy()
 
 

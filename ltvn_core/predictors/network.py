@@ -6,4 +6,4 @@ from ltvn_core.predictors.request import PredictorRequest
 
 def open_network(request: PredictorRequest) -> NetworkPredictor:
     """Open the weights of the request, or the shipped ones if it names none. Raises WeightsError."""
-    return load_predictor(request.weights)
+    return load_predictor(request.weights, device=request.device)

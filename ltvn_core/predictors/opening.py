@@ -102,6 +102,7 @@ def open_predictor(
     weights: Path | str | None = None,
     *,
     camera: CameraModel = LOCOBOT.camera,
+    device: str = "cpu",
 ) -> Predictor:
     """Return the predictor with a name.
 
@@ -111,16 +112,18 @@ def open_predictor(
         scene_name: Scene of the images; only the oracle needs it.
         weights: Weights to use instead of the shipped ones.
         camera: Camera of the recording, the map or the robot; images larger than 320 x 240 are scaled down.
+        device: Where a network computes: `cpu`, `cuda`, `mps`, or `auto` for the fastest one.
 
     Raises:
-        OptionError: No predictor has that name; the message lists the installed ones.
+        OptionError: No predictor has that name; the message lists the installed ones. Or the device is missing.
         PluginError: Another package's predictor is broken.
         WeightsError: The weights are missing or damaged.
         MissingLibraryError: A library that it needs is not installed.
         SceneError: The oracle is asked about a scene that is not simulated.
     """
     path = None if weights is None else Path(weights)
-    return open_plugin(require_predictor(name), PredictorRequest(scene_name, path, _at_most_original_size(camera)))
+    request = PredictorRequest(scene_name, path, _at_most_original_size(camera), device)
+    return open_plugin(require_predictor(name), request)
 
 
 def _forget(key: int, _: "ref[Predictor]") -> None:

@@ -190,7 +190,9 @@ class _AnswerFile:
 def _description(predictor: Predictor, named: Sequence[str]) -> bytes:
     """Return the first bytes of a file of answers: all that the answers to the same questions depend on."""
     card = predictor_card(predictor)
-    told = repr((*named, card.fingerprint, card.camera, card.needs_depth, version("ltvn"))).encode("utf-8", "replace")
+    told = repr((*named, card.fingerprint, card.camera, card.needs_depth, card.device, version("ltvn"))).encode(
+        "utf-8", "replace"
+    )
     return _MAGIC + struct.pack("<I", len(told)) + told
 
 

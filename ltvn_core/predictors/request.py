@@ -20,6 +20,8 @@ class PredictorRequest(NamedTuple):
     camera: CameraModel = LOCOBOT.camera
     """The camera of the recording, the map or the robot, at most 320 x 240, with depth in metres. A predictor for any
     camera uses this one as its own, so that images need not be rectified."""
+    device: str = "cpu"
+    """Where a network computes: cpu, cuda, mps or auto."""
 
 
 PredictorFactory: TypeAlias = Callable[[PredictorRequest], Predictor]
@@ -42,6 +44,8 @@ class PredictorCard(NamedTuple):
     D_c."""
     least_width_px: int
     """Least useful image width in pixels; 0 if it works with any width."""
+    device: str
+    """Kind of device that computes, on which the last bits of answers depend."""
 
 
 def predictor_card(predictor: Predictor) -> PredictorCard:
@@ -56,4 +60,5 @@ def predictor_card(predictor: Predictor) -> PredictorCard:
         likelihoods=getattr(predictor, "likelihoods", None),
         merge_distance=getattr(predictor, "merge_distance", None),
         least_width_px=int(getattr(predictor, "least_width_px", 0)),
+        device=str(getattr(predictor, "device", "cpu")),
     )

@@ -83,6 +83,7 @@ def fine_tune(
     work_folder: Path | None = None,
     on_progress: FineTuningReporter | None = None,
     cancelled: Event | None = None,
+    device: str = "cpu",
 ) -> FineTunedWeights | None:
     """Fine-tune weights on a labelled drive and save them with a card; None, and nothing on disk, if cancelled.
 
@@ -97,12 +98,14 @@ def fine_tune(
             beside the output.
         on_progress: Called in this thread; an exception in it stops the work.
         cancelled: Event that stops the work at its next report of progress.
+        device: Where the network learns: `cpu`, `cuda`, `mps`, or `auto` for the fastest one.
 
     Raises:
         WeightsError: `output` exists and is something else, which is never overwritten; `start` cannot be read; or the
             result cannot be written.
         DatasetError: The rehearsal data are missing and cannot be made.
     """
+    from ltvn_core.network.device import choose_device
     from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
     from ltvn_core.network.weights_file import matching_card, save_weights
 
@@ -118,7 +121,9 @@ def fine_tune(
     try:
         with _work_folder(work_folder, output) as folder:
             data = rehearsal.load(drive, progress.rehearsing, with_validation_drives=plan.judge)
-            result = run_fine_tuning(data, start, plan, folder, on_progress=progress.learning)
+            result = run_fine_tuning(
+                data, start, plan, folder, on_progress=progress.learning, device=choose_device(device)
+            )
             save_weights(result.network, output, _card(result, data, plan, start, run, provenance))
     except _CancelledError:
         return None

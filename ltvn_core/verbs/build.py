@@ -10,7 +10,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.sole_writer import sole_writer
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
+from ltvn_core.verbs.option_types import AUTO, DeviceOption, PredictorName, SystemName
 from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -76,6 +76,7 @@ class BuildVerb(Verb):
     """
     weights: Path | None = None
     """Weights to use instead of those that come with the system."""
+    device: DeviceOption = "auto"
     goals: tuple[int, ...] = ()
     """Images, by their frame numbers, that must become nodes, because you will want to drive to them. If no other image
     recognises one, odometry joins it to the map; the command reports those that the map still does not hold."""
@@ -101,6 +102,7 @@ def _built(options: BuildVerb) -> Summary:
         system=options.system,
         predictor=options.predictor,
         weights=options.weights,
+        device=options.device,
         goals=options.goals,
         seed=options.seed,
     )

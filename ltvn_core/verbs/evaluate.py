@@ -13,7 +13,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
+from ltvn_core.verbs.option_types import AUTO, DeviceOption, PredictorName, SystemName
 from ltvn_core.verbs.outputs import FilledFolder
 from ltvn_core.verbs.verb import Verb
 
@@ -94,6 +94,7 @@ class ProtocolOptions(Verb):
     """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones."""
+    device: DeviceOption = "auto"
     finetune_steps: int = 40
     """Number of steps of fine-tuning on the mapping drive."""
     loops: int = 3
@@ -153,6 +154,7 @@ def run_plans_of(
     from ltvn_core.evaluation.plans import RunPlan
     from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
     from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.predictors.opening import NETWORK
     from ltvn_core.robots.robot_spec import LOCOBOT
     from ltvn_core.simulation.body_selection import choose_body
     from ltvn_core.simulation.scene_registry import check_scene
@@ -171,6 +173,11 @@ def run_plans_of(
     plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
     protocol = protocol_under(plain, options.conditions)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
+    device = "cpu"
+    if predictor == NETWORK:  # Chosen here and not by the workers, like the body.
+        from ltvn_core.network.device import choose_device
+
+        device = choose_device(options.device).type
     return [
         RunPlan(
             scene=scene,
@@ -181,6 +188,7 @@ def run_plans_of(
             perturbations=perturbations,
             conditions=tuple(sorted(set(options.conditions))),
             predictor=predictor,
+            device=device,
             weights=options.weights,
             finetune_steps=options.finetune_steps,
             protocol=protocol,

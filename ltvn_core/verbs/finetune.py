@@ -10,6 +10,7 @@ from ltvn_core.data.recording.drive_part import parse_part
 from ltvn_core.errors import OptionError
 from ltvn_core.sole_writer import sole_user
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.verbs.option_types import DeviceOption
 from ltvn_core.verbs.outputs import NewWeights
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -49,6 +50,7 @@ class FinetuneVerb(Verb):
     """A folder of `ltvn dataset` with simulated pairs; by default, a few scenes are rendered once."""
     minutes: float = 3.0
     """Time for training in minutes, without the evaluation."""
+    device: DeviceOption = "auto"
     seed: int = 0
     """Seed of batches and augmentation."""
 
@@ -79,6 +81,7 @@ class FinetuneVerb(Verb):
                 ),
                 work_folder=self.output.with_suffix(".finetuning"),
                 on_progress=bar,
+                device=self.device,
             )
         assert found is not None  # Only a cancelled call returns None, and this one cannot be cancelled.
         return found

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart, parse_part
 from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
-from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.option_types import AUTO, DeviceOption, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ class JudgeVerb(Verb):
     """Predictor that compares images; by default the better one for the recording's camera."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
+    device: DeviceOption = "auto"
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings, which decide when two images are joined."""
     against: Path | None = None
@@ -123,7 +124,8 @@ class JudgeVerb(Verb):
         plan = JudgementPlan(pairs=self.pairs, left_out=self.left_out, seed=self.seed)
         recording = Recording.open(self.recording)
         choice = ImageSource.of(recording.meta).choose_anew(self.predictor)
-        predictor = open_predictor(choice.name, recording.meta.scene, self.weights, camera=recording.meta.camera)
+        meta = recording.meta
+        predictor = open_predictor(choice.name, meta.scene, self.weights, camera=meta.camera, device=self.device)
         part = parse_part(self.part)
         looking = _read(self, recording, predictor, part)
         mapped = looking if self.against is None else _read(self, Recording.open(self.against), predictor, WHOLE_DRIVE)

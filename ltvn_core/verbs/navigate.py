@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.option_types import AUTO, PredictorName, announce_stream
+from ltvn_core.verbs.option_types import AUTO, DeviceOption, PredictorName, announce_stream
 from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ltvn_core.maps.topological_map import TopologicalMap
     from ltvn_core.verbs.robot_queries import QueriesSummary
 
-_LOG = logging.getLogger(__name__)
 _LOG = logging.getLogger(__name__)
 
 
@@ -68,6 +67,7 @@ class NavigateVerb(Verb):
     """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
+    device: DeviceOption = "auto"
     seed: int = 0
     """Seed of the start, the noise and the goals."""
     body: BodyOption = "auto"
@@ -88,7 +88,9 @@ class NavigateVerb(Verb):
 
         loaded = load_map(self.map)
         self._check(loaded.graph)
-        known = TopologicalMap.open(loaded, preset=self.preset, predictor=self.predictor, weights=self.weights)
+        known = TopologicalMap.open(
+            loaded, preset=self.preset, predictor=self.predictor, weights=self.weights, device=self.device
+        )
         self._tell_goal(known)
         return known
 
@@ -129,12 +131,15 @@ class NavigateVerb(Verb):
 
     def settings(self, known: "TopologicalMap") -> dict[str, Any]:
         """Return the settings of the run, for the recording."""
+        from ltvn_core.predictors.request import predictor_card
+
         return {
             "verb": "navigate",
             "system": known.system.name,
             "maintenance": self.maintenance,
             "world": self.world,
             "predictor": known.predictor_name,
+            "device": predictor_card(known.predictor).device,
             "seed": self.seed,
             "method": asdict(known.system.method),
         }

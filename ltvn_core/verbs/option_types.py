@@ -1,7 +1,9 @@
 """Types of options that several verbs use: installed systems and predictors by name, and the port of a stream."""
 
 import logging
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import tyro
 
 from ltvn_core.errors import OptionError
 from ltvn_core.plugins import PREDICTORS, find_plugins
@@ -19,6 +21,14 @@ if TYPE_CHECKING:
 else:
     SystemName = Literal[system_names()]
     PredictorName = Literal[(AUTO, *find_plugins(PREDICTORS, first=("network", "geometric", "oracle")))]
+
+DeviceOption: TypeAlias = Annotated[
+    Literal["auto", "cpu", "cuda", "mps"],
+    tyro.conf.arg(
+        help="Where the network computes; auto takes a graphics card (cuda, or mps on a Mac) if PyTorch finds one."
+    ),
+]
+"""A verb gives it the default "auto"."""
 
 
 def announce_stream(port: int | None) -> int | None:

@@ -56,9 +56,12 @@ class RivalTraining:
     seed: int
     processes: int
     """Number of scenes that are rendered at the same time."""
+    device: str
+    """Where the network learns: cpu, cuda, mps or auto."""
 
     def run(self) -> RivalSummary:
         """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+        from ltvn_core.network.device import choose_device
         from ltvn_core.network.optimization.training_loop import train
         from ltvn_core.network.weights_file import load_weights, save_weights
 
@@ -68,7 +71,7 @@ class RivalTraining:
         below = _below(learning)
         work = self.work or self._walks / self.system
         with sole_user(work):
-            result = train(data, plan, work, start=self._start(learning, work))
+            result = train(data, plan, work, start=self._start(learning, work), device=choose_device(self.device))
         learned = result.weights
         if below is not None:  # The file holds the added layers alone, in half precision; that is what is measured.
             learned = result.weights.with_name("added.safetensors")

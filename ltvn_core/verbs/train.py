@@ -19,7 +19,7 @@ from ltvn_core.training.held_out_scenes import (
     measure_network,
     training_data_summary,
 )
-from ltvn_core.verbs.option_types import SystemName
+from ltvn_core.verbs.option_types import DeviceOption, SystemName
 from ltvn_core.verbs.outputs import FilledFolder, NewWeights
 from ltvn_core.verbs.rival_training import RivalTraining
 from ltvn_core.verbs.verb import Summary, Verb
@@ -91,6 +91,7 @@ class TrainVerb(Verb):
     """Train for this number of steps instead; takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None
     """With --system: number of scenes that are rendered at the same time, by default two."""
+    device: DeviceOption = "auto"
     bfloat16: bool = False
     """Train in mixed precision: faster on a graphics card or processor made for bfloat16, and other weights."""
     seed: int = 0
@@ -125,6 +126,7 @@ class TrainVerb(Verb):
                 fresh=self.fresh,
                 seed=self.seed,
                 processes=self.processes or 2,
+                device=self.device,
             ).run()
         work = self.work or _WORK
         with sole_user(output), sole_user(work):
@@ -150,7 +152,7 @@ def _trained(options: TrainVerb, output: Path, work: Path) -> TrainSummary:
     from ltvn_core.network.weights_file import load_weights, save_weights
 
     plan = _plan(options)
-    device = choose_device()
+    device = choose_device(options.device)
     learned, validation = read_shards(options.data)
     images = _SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE
     seen = drives([shard.name for shard in validation], images=images)

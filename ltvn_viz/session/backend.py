@@ -125,7 +125,9 @@ def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
     Raises LtvnError.
     """
     try:
-        return open_predictor(options.predictor, options.scene, options.start_weights, camera=camera)
+        return open_predictor(
+            options.predictor, options.scene, options.start_weights, camera=camera, device=options.device
+        )
     except (SceneError, WeightsError, MissingLibraryError) as missing:
         if options.replay is None:
             raise

@@ -42,6 +42,8 @@ class FineTuner:
     """Training plan that is used for any requested time; None uses the default plan for the requested time."""
     rehearsal: RehearsalData | None = None
     """Data for rehearsal; None takes the system's default."""
+    device: str = "cpu"
+    """Where the network learns: cpu, cuda, mps or auto."""
 
     def __call__(
         self, request: FineTuningRequest, on_progress: ProgressReporter, cancelled: Event
@@ -66,6 +68,7 @@ class FineTuner:
             provenance=FineTuningProvenance(recording=request.drive.name, system=entry.name),
             on_progress=report,
             cancelled=cancelled,
+            device=self.device,
         )
 
 

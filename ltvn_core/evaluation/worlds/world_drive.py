@@ -44,7 +44,7 @@ class WorldDrive:
         self._changing = self._schedule.changing
         scene = load_scene(plan.scene)
         self.world = World(scene, plan.script(scene), start_s=self._schedule.queries[first].at_s)
-        predictor = open_predictor(plan.predictor, plan.scene, files.weights)
+        predictor = open_predictor(plan.predictor, plan.scene, files.weights, device=plan.device)
         _keep_informed(predictor, self.world)
         system = open_planned_system(replace(plan, maintenance=None), predictor, scene, maintain=True)
         known = TopologicalMap.load(files.map(first), predictor, system=system)

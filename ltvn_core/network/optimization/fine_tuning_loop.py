@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.network.base_network import FLOAT32, AnyNetwork
+from ltvn_core.network.device import CPU
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
 from ltvn_core.network.optimization.augmentation import Augmentation
 from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
@@ -166,6 +168,7 @@ def run_fine_tuning(
     folder: Path,
     *,
     on_progress: Callable[[FineTuningProgress], None] | None = None,
+    device: torch.device = CPU,
 ) -> FineTuningResult:
     """Fine-tune weights on a drive.
 
@@ -173,11 +176,11 @@ def run_fine_tuning(
     in this thread, after every step; an exception in it stops the work and leaves a checkpoint in `folder`. Raises
     WeightsError for weights that cannot be read, a checkpoint of another run and a full disk.
     """
-    network = load_weights(start)
+    network = load_weights(start).to(device)
     run = {"parent": weights_fingerprint(start), "drive": trajectory_fingerprint(data.drive)}
     _require_same_run(folder / "run.json", run)
     sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
-    trainer = Trainer(plan.learning, start=network)
+    trainer = Trainer(plan.learning, device=device, start=network)
     loop = LearningLoop(trainer, sampler, folder, minutes=plan.minutes, steps=plan.steps)
     mined = -1
 

@@ -80,7 +80,9 @@ class ReplayMethods:
         key = repr((choice.name, meta.scene, meta.camera))
         if key not in self._opened:
             options = self._options
-            predictor = open_predictor(choice.name, meta.scene, options.start_weights, camera=meta.camera)
+            predictor = open_predictor(
+                choice.name, meta.scene, options.start_weights, camera=meta.camera, device=options.device
+            )
             system = open_system(options.system, open_method(options.preset, predictor))
             self._opened[key] = ReplayMethod(predictor, system.method)
         return self._opened[key]

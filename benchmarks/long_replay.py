@@ -17,11 +17,9 @@ from ltvn_viz.session.activities.playback import Playback
 SEEKS = 51
 
 
-class _NoObservations:
-    """Stands in for the images, which cost the same wherever one goes."""
-
-    def observation(self, frame: FrameId) -> Observation:
-        raise RecordingError(f"Frame {frame} was never taken.")
+def _no_observation(frame: FrameId) -> Observation:
+    """Stand in for the images, which cost the same wherever one goes."""
+    raise RecordingError(f"Frame {frame} was never taken.")
 
 
 def open_and_travel() -> list[Measurement]:
@@ -51,4 +49,4 @@ def open_and_travel() -> list[Measurement]:
 def _opened(events: list[StampedEvent]) -> Playback:
     driven = events[len(events) - EVENTS :]
     frames = [(stamped.step, stamped.stamp, np.zeros(3)) for stamped in driven]
-    return Playback("long", "nowhere", Timeline.of(events, frames), _NoObservations())
+    return Playback("long", "nowhere", Timeline.of(events, frames), _no_observation)

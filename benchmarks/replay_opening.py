@@ -19,8 +19,7 @@ from benchmarks.measurement import Measurement, measured
 from benchmarks.recording import demo_observations
 from benchmarks.synthetic_run import EVENTS, synthetic_run
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_viz.layers.edge_lines import EDGE_WIDTHS
-from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
+from ltvn_viz.layers.graph_layers import EDGE_WIDTHS, EdgesLayer, NodesLayer
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.activities.playback import Playback, open_replay
 from ltvn_viz.session.recording_library import RecordingLibrary

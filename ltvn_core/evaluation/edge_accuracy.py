@@ -27,8 +27,7 @@ from ltvn_core.types import NodeId, Pose, Waypoint
 
 DETOUR_RATIO = 3.0
 """Ratio of the path through the map to the straight line above which an edge is missing (ours)."""
-MISPLACED_M = 0.5
-MISPLACED_RAD = float(np.deg2rad(20))
+MISPLACED_M, MISPLACED_RAD = 0.5, float(np.deg2rad(20))
 """Errors of a pose, in metres and radians, beyond which an edge leads elsewhere or an image is lost (ours)."""
 _SEARCHES_PER_CALL = 256
 """Number of source nodes per call of the shortest-path search, which limits its memory."""

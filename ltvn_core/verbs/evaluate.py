@@ -153,6 +153,7 @@ def run_plans_of(
     """Return a plan for each scene and seed. Raises OptionError and SceneError."""
     from ltvn_core.evaluation.plans import RunPlan
     from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
+    from ltvn_core.network.device import choose_device
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.predictors.opening import NETWORK
     from ltvn_core.robots.robot_spec import LOCOBOT
@@ -168,16 +169,12 @@ def run_plans_of(
         raise OptionError("--scene and --seed need at least one value, and no value twice.")
     for scene in options.scene:
         check_scene(scene)  # Check all scenes before weights are fine-tuned for one of them.
-    # The body is chosen here and not by the workers, which may be machines with other libraries.
+    # Body and device are chosen here and not by the workers, which may be machines with other libraries.
     body = choose_body(options.body)
     plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
     protocol = protocol_under(plain, options.conditions)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
-    device = "cpu"
-    if predictor == NETWORK:  # Chosen here and not by the workers, like the body.
-        from ltvn_core.network.device import choose_device
-
-        device = choose_device(options.device).type
+    device = choose_device(options.device).type if predictor == NETWORK else "cpu"
     return [
         RunPlan(
             scene=scene,

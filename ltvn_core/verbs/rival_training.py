@@ -14,6 +14,7 @@ from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_
 if TYPE_CHECKING:
     from ltvn_core.network.baseline_training import BaselineCard
     from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
+    from ltvn_core.verbs.train import TrainVerb
 
 _MINUTES = 8.0
 
@@ -36,28 +37,12 @@ class RivalSummary:
     """Figures of the new weights, by the rival's labels."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class RivalTraining:
-    """The training of one system's network, with the options of `ltvn train`."""
+    """The training of one system's network, written to `output`."""
 
-    system: str
+    options: "TrainVerb"
     output: Path
-    """The weights to write, ending in .safetensors."""
-    data: Path
-    """The folder whose subfolder `walks` holds the labelled walks, which are made where they are missing."""
-    work: Path | None
-    """Folder for checkpoints; by default one below the walks."""
-    minutes: float | None
-    """Time for training, by default eight minutes."""
-    steps: int | None
-    """Number of steps in place of a time."""
-    fresh: bool
-    """Start from random weights instead of the shipped ones."""
-    seed: int
-    processes: int
-    """Number of scenes that are rendered at the same time."""
-    device: str
-    """Where the network learns: cpu, cuda, mps or auto."""
 
     def run(self) -> RivalSummary:
         """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
@@ -69,9 +54,11 @@ class RivalTraining:
         data = self._labelled(learning)
         plan = self._plan(learning)
         below = _below(learning)
-        work = self.work or self._walks / self.system
+        work = self.options.work or self._walks / self.options.system
         with sole_user(work):
-            result = train(data, plan, work, start=self._start(learning, work), device=choose_device(self.device))
+            result = train(
+                data, plan, work, start=self._start(learning, work), device=choose_device(self.options.device)
+            )
         learned = result.weights
         if below is not None:  # The file holds the added layers alone, in half precision; that is what is measured.
             learned = result.weights.with_name("added.safetensors")
@@ -92,28 +79,28 @@ class RivalTraining:
 
     def _checked(self) -> TemporalLearning:
         """Return how the system learns from time. Raises OptionError if it does not, or an option does not fit it."""
-        learning = system_entry(self.system).learning
+        learning = system_entry(self.options.system).learning
         trained = [entry.name for entry in baseline_systems()]
-        if learning is None or self.system not in trained:
+        if learning is None or self.options.system not in trained:
             raise OptionError(
-                f"{self.system} has no network that can be trained for a given time; these have one: "
+                f"{self.options.system} has no network that can be trained for a given time; these have one: "
                 f"{', '.join(trained)}."
             )
-        if not (self._given_minutes > 0 and (self.steps is None or self.steps > 0)):
+        if not (self._given_minutes > 0 and (self.options.steps is None or self.options.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
-        if self.fresh and _below(learning):
-            raise OptionError(f"{self.system} adds layers to the shipped weights; leave --fresh out.")
+        if self.options.fresh and _below(learning):
+            raise OptionError(f"{self.options.system} adds layers to the shipped weights; leave --fresh out.")
         if self.output.suffix != ".safetensors":
             raise OptionError(f"--output must end in .safetensors, got {self.output}.")
         return learning
 
     @property
     def _walks(self) -> Path:
-        return self.data / "walks"
+        return self.options.data / "walks"
 
     @property
     def _given_minutes(self) -> float:
-        return _MINUTES if self.minutes is None else self.minutes
+        return _MINUTES if self.options.minutes is None else self.options.minutes
 
     def _labelled(self, learning: TemporalLearning) -> "TrainingData":
         from ltvn_core.network.optimization.training_loop import TrainingData
@@ -123,7 +110,9 @@ class RivalTraining:
         from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
 
         names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
-        shards = labelled_walks(learning.rule, names, self._walks, seed=self.seed, processes=self.processes)
+        shards = labelled_walks(
+            learning.rule, names, self._walks, seed=self.options.seed, processes=self.options.processes or 2
+        )
         return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
     def _plan(self, learning: TemporalLearning) -> "TrainingPlan":
@@ -132,9 +121,9 @@ class RivalTraining:
         return baseline_training_plan(
             even_distances=learning.even_distances,
             minutes=self._given_minutes,
-            steps=self.steps,
-            seed=self.seed,
-            fresh=self.fresh or _below(learning) is not None,
+            steps=self.options.steps,
+            seed=self.options.seed,
+            fresh=self.options.fresh or _below(learning) is not None,
         )
 
     def _start(self, learning: TemporalLearning, work: Path) -> Path | None:
@@ -143,10 +132,10 @@ class RivalTraining:
         from ltvn_core.network.weights_file import load_weights, save_weights
 
         if learning.added is None:
-            return None if self.fresh else SHIPPED_WEIGHTS
+            return None if self.options.fresh else SHIPPED_WEIGHTS
         work.mkdir(parents=True, exist_ok=True)
         start = work / "start.safetensors"
-        network = extend_network(load_weights(SHIPPED_WEIGHTS), learning.added, self.seed)
+        network = extend_network(load_weights(SHIPPED_WEIGHTS), learning.added, self.options.seed)
         save_weights(network, start, added_to=SHIPPED_WEIGHTS)
         return start
 
@@ -163,11 +152,11 @@ class RivalTraining:
         from ltvn_core.network.training_data.shards import Shard
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
 
-        start = None if self.fresh else SHIPPED_WEIGHTS
+        start = None if self.options.fresh else SHIPPED_WEIGHTS
         shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
-        length = f"--minutes {self._given_minutes:g}" if self.steps is None else f"--steps {self.steps}"
+        length = f"--minutes {self._given_minutes:g}" if self.options.steps is None else f"--steps {self.options.steps}"
         return BaselineCard(
-            self.system,
+            self.options.system,
             start and weights_fingerprint(start),
             read_card(start) if start and _below(learning) is None else None,
             asdict(learning.rule),
@@ -177,8 +166,9 @@ class RivalTraining:
             result.pairs,
             result.seconds / 60,
             (
-                f"ltvn train --system {self.system} --output {self.output.name} {length}{' --fresh' * self.fresh} "
-                f"--seed {self.seed}",
+                f"ltvn train --system {self.options.system} --output {self.output.name} "
+                f"{length}{' --fresh' * self.options.fresh} "
+                f"--seed {self.options.seed}",
             ),
             evaluate_baseline(load_predictor(start), data.validation) if start else None,
             evaluate_baseline(load_predictor(learned), data.validation),

@@ -116,18 +116,7 @@ class TrainVerb(Verb):
             return _evaluate(self)
         output = _checked_output(self)
         if self.system != DEFAULT_SYSTEM:
-            return RivalTraining(
-                system=self.system,
-                output=output,
-                data=self.data,
-                work=self.work,
-                minutes=self.minutes,
-                steps=self.steps,
-                fresh=self.fresh,
-                seed=self.seed,
-                processes=self.processes or 2,
-                device=self.device,
-            ).run()
+            return RivalTraining(self, output).run()
         work = self.work or _WORK
         with sole_user(output), sole_user(work):
             return _trained(self, output, work)

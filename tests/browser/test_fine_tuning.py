@@ -3,7 +3,7 @@
 import re
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
@@ -27,11 +27,11 @@ from tests.waiting import PATIENCE_S, until
 pytestmark = pytest.mark.browser
 
 
+@dataclass(frozen=True)
 class HeldRehearsal(TinyRehearsal):
     """Tiny simulated data that come when a test lets them, so that the page has shown before that they are awaited."""
 
-    def __init__(self) -> None:
-        self.may_come = threading.Event()
+    may_come: threading.Event = field(default_factory=threading.Event)
 
     def load(
         self, drive: TrajectoryPairs, on_progress: ProgressReporter, *, with_validation_drives: bool

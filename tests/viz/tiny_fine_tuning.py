@@ -1,5 +1,6 @@
 """What fine-tuning needs, as small as it can be: a drive through the box world, tiny weights, a plan of a few steps."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,7 +14,7 @@ from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, Fine
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.network.weights_file import save_weights
-from ltvn_core.training.fine_tuning_data import ProgressReporter, ignore_progress
+from ltvn_core.training.fine_tuning_data import ProgressReporter, RehearsalData, ignore_progress
 from ltvn_core.types import Observation
 from ltvn_viz.session.fine_tuner import FineTuner
 from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard
@@ -40,11 +41,16 @@ def drive() -> tuple[Observation, ...]:
     return tuple(replace(seen, step=seen.step + 100_000) for seen in observations_at(poses, exact=list(poses)))
 
 
-class TinyRehearsal:
+class TinyRehearsal(RehearsalData):
     """Tiny simulated data that are there at once."""
 
-    name = "boxes"
-    scenes = ("a",)
+    @property
+    def name(self) -> str:
+        return "boxes"
+
+    @property
+    def scenes(self) -> Sequence[str]:
+        return ("a",)
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
         """Need nothing."""

@@ -2,6 +2,7 @@
 
 import threading
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
@@ -68,11 +69,12 @@ def harness_with_new_weights(folder: Path) -> SessionHarness:
     return harness
 
 
+@dataclass(frozen=True)
 class GatedSimulation(TinyRehearsal):
     """Adds simulated data once the test lets it."""
 
-    def __init__(self) -> None:
-        self.entered, self.open = threading.Event(), threading.Event()
+    entered: threading.Event = field(default_factory=threading.Event)
+    open: threading.Event = field(default_factory=threading.Event)
 
     def load(
         self, drive: TrajectoryPairs, on_progress: ProgressReporter, *, with_validation_drives: bool

@@ -11,6 +11,7 @@ import pytest
 
 from ltvn_core.data.recording.appended_file import AppendedFile
 from ltvn_core.data.recording.integrity import repair, verify
+from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
 from tests.core.data.recording.disk_faults import (
     FAULTS,
     FaultOutcome,
@@ -83,11 +84,12 @@ def frames_of(recording: Path, repaired: Path, *, finished: bool) -> int:
     return verify(repaired).frames
 
 
-class _PlainEnding:
+class _PlainEnding(RecordingEnding):
     """Ends a file with a word, or with the `long_ending` where there is room, and counts nothing."""
 
     def __init__(self, long_ending: bytes = b"") -> None:
         """Keep the long ending."""
+        super().__init__("")
         self._long = long_ending
 
     def count(self, block: bytes) -> None:

@@ -86,10 +86,7 @@ def edge_accuracy(
 
 
 def waypoint_errors(edges: Collection[Edge], poses: Mapping[NodeId, Pose]) -> Waypoint:
-    """Return the true poses (E, 3) of the ends of edges, seen from where their waypoints say.
-
-    `poses` has the true pose (3,) of each node.
-    """
+    """Return the true poses (E, 3) of the ends of edges, seen from where their waypoints say; `poses` are true."""
     rows = [(edge.waypoint, relative(poses[edge.source], poses[edge.target])) for edge in edges]
     claimed, truly = np.array(rows, float).reshape(-1, 2, 3).swapaxes(0, 1)
     return relative(claimed, truly)

@@ -54,7 +54,7 @@ class RivalTraining:
         data = self._labelled(learning)
         plan = self._plan(learning)
         below = _below(learning)
-        work = self.options.work or self._walks / self.options.system
+        work = self.options.work or self.options.data / "walks" / self.options.system
         with sole_user(work):
             result = train(
                 data, plan, work, start=self._start(learning, work), device=choose_device(self.options.device)
@@ -95,10 +95,6 @@ class RivalTraining:
         return learning
 
     @property
-    def _walks(self) -> Path:
-        return self.options.data / "walks"
-
-    @property
     def _given_minutes(self) -> float:
         return _MINUTES if self.options.minutes is None else self.options.minutes
 
@@ -109,10 +105,10 @@ class RivalTraining:
         from ltvn_core.training.simulated_scenes import labelled_walks
         from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
 
+        asked = self.options
         names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
-        shards = labelled_walks(
-            learning.rule, names, self._walks, seed=self.options.seed, processes=self.options.processes or 2
-        )
+        folder, processes = asked.data / "walks", asked.processes or 2
+        shards = labelled_walks(learning.rule, names, folder, seed=asked.seed, processes=processes)
         return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
     def _plan(self, learning: TemporalLearning) -> "TrainingPlan":

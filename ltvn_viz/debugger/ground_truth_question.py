@@ -144,8 +144,7 @@ def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Se
                 f"{away_m[row]:.2f}",
                 f"{turned_deg[row]:.0f}",
             )
-            for row in wrong[:_SPURIOUS]
-            for edge in [edges[row]]
+            for row, edge in [(row, edges[row]) for row in wrong[:_SPURIOUS]]
         ]
         builder.add_table(("leads elsewhere", "p", "off by m", "and by °"), rows)
     ends = [(poses[edges[row].source], poses[edges[row].target]) for row in wrong]

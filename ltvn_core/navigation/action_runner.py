@@ -10,10 +10,10 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import ActionBegun, ActionEnded
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
-from ltvn_core.navigation.query import Query
+from ltvn_core.navigation.query import QueryState
 
 
-def run_action(query: Query, edge: EdgeKey) -> EventGenerator[bool]:
+def run_action(query: QueryState, edge: EdgeKey) -> EventGenerator[bool]:
     """Run the action of an edge while the robot stands still; tell whether the action succeeded.
 
     Waiting does not count against the step limit, because a lift may take its time. Without an action performer, every
@@ -38,7 +38,7 @@ def run_action(query: Query, edge: EdgeKey) -> EventGenerator[bool]:
     return succeeded
 
 
-def _perform(query: Query, edge: EdgeKey, action: str) -> EventGenerator[ActionState]:
+def _perform(query: QueryState, edge: EdgeKey, action: str) -> EventGenerator[ActionState]:
     yield from query.motion.wait_one_step()  # So that the robot stands, and no plan is repeated without end.
     performer = query.context.actions
     if performer is None:
@@ -50,12 +50,12 @@ def _perform(query: Query, edge: EdgeKey, action: str) -> EventGenerator[ActionS
     return state
 
 
-def _ended(query: Query, edge: EdgeKey, failure: str) -> ActionEnded:
+def _ended(query: QueryState, edge: EdgeKey, failure: str) -> ActionEnded:
     frame = query.perception.observation.step
     return ActionEnded(query.number, *edge, frame, succeeded=not failure, reason=failure)
 
 
-def _learn(query: Query, edge: EdgeKey, *, succeeded: bool) -> EventGenerator[None]:
+def _learn(query: QueryState, edge: EdgeKey, *, succeeded: bool) -> EventGenerator[None]:
     """Update the belief in the edge's existence.
 
     The length of the edge was not measured, and only a person may remove it.
@@ -64,7 +64,6 @@ def _learn(query: Query, edge: EdgeKey, *, succeeded: bool) -> EventGenerator[No
     known = context.graph.edges.get(edge)
     if known is None:
         return
-    stamp = context.world_time_s(query.motion.stamp)
-    evidence = AttemptEvidence(*edge, distance=known.belief.mu, succeeded=succeeded, stamp=stamp)
+    evidence = AttemptEvidence(*edge, distance=known.belief.mu, succeeded=succeeded, stamp=query.now_s)
     deltas = context.system.maintenance.after_attempt(context.graph, evidence)
     yield from query.apply(each for each in deltas if isinstance(each, BeliefUpdated))

@@ -14,7 +14,7 @@ from ltvn_core.geometry import distance, relative, wrap_angle
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, BY_WAYPOINT, Note, Outcome, Severity
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
-from ltvn_core.navigation.query import Query, Survey
+from ltvn_core.navigation.query import QueryState, Survey
 from ltvn_core.navigation.recovery import LOOKS_PER_TURN, turn
 from ltvn_core.types import Waypoint
 
@@ -39,7 +39,7 @@ class Arrival(NamedTuple):
     """d of the goal, by the image or by the place belief."""
 
 
-def check_goal(query: Query) -> EventGenerator[Arrival | None]:
+def check_goal(query: QueryState) -> EventGenerator[Arrival | None]:
     """Return the arrival if the image and the goal's neighbours in time match, and nothing speaks against it."""
     seen = query.perception.node_match(query.goal)
     if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
@@ -56,7 +56,7 @@ def check_goal(query: Query) -> EventGenerator[Arrival | None]:
     return (yield from check_place(query))
 
 
-def check_place(query: Query) -> EventGenerator[Arrival | None]:
+def check_place(query: QueryState) -> EventGenerator[Arrival | None]:
     """Return the arrival if the images in all directions show that the robot is where the goal is; turn round for it.
 
     Raises:
@@ -77,18 +77,19 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
     return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)
 
 
-def _survey(query: Query) -> EventGenerator[None]:
+def _survey(query: QueryState) -> EventGenerator[None]:
     """Turn round once, unless that was done near here, and note whether the images show the believed place."""
     if query.is_surveyed:
         return
-    if query.memory.surveys >= _MOST_SURVEYS:
+    if query.surveys >= _MOST_SURVEYS:
         raise QueryAborted(Outcome.LOST)
-    query.memory.surveys += 1
+    query.surveys += 1
     expected = agreed = 0
     for _ in range(LOOKS_PER_TURN):
         yield from turn(query)
         if (yield from query.perception.can_compare()):
-            place = query.look()
+            _ = query.perception.features  # The belief gets every image that is encoded.
+            place = query.place()
             if place is not None and place.expects_image:
                 expected += 1
                 agreed += place.is_recognised
@@ -101,7 +102,7 @@ def _survey(query: Query) -> EventGenerator[None]:
         query.begin_anew()
 
 
-def _looks_different_from_beside(query: Query) -> bool:
+def _looks_different_from_beside(query: QueryState) -> bool:
     """Tell whether no image of the map that was taken beside the goal would count as taken there."""
     place = query.place()
     if place is None or query.goal not in place.nodes:

@@ -16,8 +16,7 @@ from ltvn_core.navigation.events import OBSTRUCTED_ENDS, Event
 from ltvn_core.navigation.judgement import AttemptVerdict
 from ltvn_core.navigation.obstruction_finder import find_obstruction, obstruction_ahead, open_ways
 from ltvn_core.navigation.perception import NodeMatch
-from ltvn_core.navigation.query import Query
-from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS
+from ltvn_core.navigation.query import MOST_OBSTRUCTIONS, QueryState
 from ltvn_core.types import NodeId
 
 _STEPS_OF_A_WAY = 10
@@ -26,31 +25,29 @@ _EDGES_IN_SIGHT = 4
 """Number of edges at the beginning of a plan that are checked for obstacles."""
 
 
-def look_for_obstacles(query: Query, path: GraphPath) -> Generator[Event, None, bool]:
+def look_for_obstacles(query: QueryState, path: GraphPath) -> Generator[Event, None, bool]:
     """Look for obstacles before an attempt; tell whether a new one closes the path, so that the robot replans."""
     graph = query.context.graph
     presence = query.context.system.presence
-    memory = query.memory
     now_s = query.now_s
     in_sight = path.nodes[: _EDGES_IN_SIGHT + 1]
     obstruction = obstruction_ahead(query, in_sight)
     if obstruction is None or not (across := edges_obstructed(graph, obstruction)):
-        seen = [edge for edge in open_ways(query) if edge not in memory.felt_closed]
+        seen = [edge for edge in open_ways(query) if edge not in query.felt_closed]
         yield from query.apply(presence.observe_open(graph, seen, now_s))
         return False
     yield from query.apply(presence.observe(graph, obstruction, now_s))
     ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and not query.never_closed(edge))
     closed = [edge for edge in ahead if not is_open(graph, edge)]
-    if not closed or memory.obstructions >= MOST_OBSTRUCTIONS:
+    if not closed or query.obstructions >= MOST_OBSTRUCTIONS:
         return False
-    memory.obstructions += 1
-    for edge in across:
-        memory.record_failure(edge)  # So that this query tries other paths first.
+    query.obstructions += 1
+    query.record_failures(across)  # So that this query tries other paths first.
     return True
 
 
 def learn_from_attempt(
-    query: Query,
+    query: QueryState,
     attempt: int,
     segment: Sequence[NodeId],
     node_match: NodeMatch,
@@ -59,20 +56,21 @@ def learn_from_attempt(
 ) -> Iterator[Event]:
     """Remember a failure for this query, and let the system update the map."""
     context = query.context
-    memory = query.memory
-    failed_before = any(memory.has_failed(edge) for edge in itertools.pairwise(segment))
+    failed_before = any(edge in query.failed for edge in itertools.pairwise(segment))
     obstruction = None
     if not verdict.succeeded:
-        memory.record_failures(segment)
+        query.record_failures(itertools.pairwise(segment))
         blocked = result.end in OBSTRUCTED_ENDS
         # A robot that is stopped before it moves is stopped by the same obstacle as before.
-        came = blocked and result.steps >= _STEPS_OF_A_WAY
-        again = came and memory.record_stop((segment[0], segment[-1]))
+        again = False
+        if blocked and result.steps >= _STEPS_OF_A_WAY:
+            again = (segment[0], segment[-1]) in query.stopped
+            query.stopped.add((segment[0], segment[-1]))
         obstruction = find_obstruction(query, segment, blocked=blocked, again=again)
         if obstruction is not None and obstruction.stopped:
-            memory.obstructions += 1
+            query.obstructions += 1
         else:
-            memory.record_failure_from(segment[0])  # No obstacle explains the failure.
+            query.record_failure_from(segment[0])  # No obstacle explains the failure.
     evidence = AttemptEvidence(
         source=segment[0],
         target=segment[-1],
@@ -86,5 +84,5 @@ def learn_from_attempt(
     deltas = context.system.maintenance.after_attempt(context.graph, evidence)
     if evidence.obstructed:
         observed = (each for each in deltas if isinstance(each, PresenceObserved))
-        memory.felt_closed.update((each.source, each.target) for each in observed)
+        query.felt_closed.update((each.source, each.target) for each in observed)
     yield from query.apply(deltas, attempt)

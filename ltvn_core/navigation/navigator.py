@@ -15,13 +15,14 @@ from ltvn_core.config import Method
 from ltvn_core.errors import MapError
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.arrival import Arrival
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import (
     Event,
     NavigatorState,
@@ -33,8 +34,8 @@ from ltvn_core.navigation.events import (
 )
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.navigation.query import Query
-from ltvn_core.navigation.query_runner import QueryRunner
+from ltvn_core.navigation.query import NavigationContext, QueryState
+from ltvn_core.navigation.query_runner import run
 from ltvn_core.robots.robot import Robot
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
 
@@ -63,17 +64,19 @@ class Navigator:
         `world_time` returns the time of the world in seconds, if the robot's clock does not show it.
         `actions` performs the actions of edges; without it, each action fails.
         """
-        method = system.method if system is not None else method
+        system = system or ltvn_system(method)
         self._robot = robot
-        self._slips = SlipTracker(robot.spec.camera) if method.matching.mend_slips else None
-        self._context = NavigationContext.create(
-            graph,
-            keyframes,
-            predictor,
-            system or ltvn_system(method),
-            rng,
-            robot.spec,
-            bystanders=bystanders,
+        self._predictor = predictor
+        self._slips = SlipTracker(robot.spec.camera) if system.method.matching.mend_slips else None
+        self._context = NavigationContext(
+            graph=graph,
+            keyframes=keyframes,
+            system=system,
+            rng=rng,
+            spec=robot.spec,
+            matcher=Matcher(predictor, keyframes, system.method.matching),
+            planner=Planner(graph, system.method.planning, weight=system.edge_weight),
+            bystanders=bystanders or Bystanders(),
             world_time=world_time,
             actions=actions,
         )
@@ -118,13 +121,15 @@ class Navigator:
             self._motion.cancelled = True
 
     def _query(self, goal: NodeId, query: int) -> Generator[Event | Tick, None, None]:
-        motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering, slips=self._slips)
-        perception = Perception(motion, self._context.predictor, self._context.matcher)
+        context = self._context
+        limits = context.system.method.recovering
+        motion = self._motion = MotionExecutor(self._robot, query, limits, slips=self._slips)
+        perception = Perception(motion, self._predictor, context.matcher)
         try:
             yield QueryStarted(query, goal)
             arrival: Arrival | None = None
             try:
-                arrival = yield from QueryRunner(Query(self._context, motion, perception, goal, query)).run()
+                arrival = yield from run(QueryState(context, motion, perception, goal, query))
                 outcome = Outcome.ARRIVED
             except QueryAborted as over:
                 outcome = over.outcome

@@ -27,7 +27,7 @@ from ltvn_core.graph.presence.obstruction import (
 )
 from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.query import Departure, Query
+from ltvn_core.navigation.query import Departure, QueryState
 from ltvn_core.types import NodeId, Pose
 
 _FREE_RANGE_M = 3.5
@@ -81,7 +81,7 @@ _GRID_M = 0.05
 """Width of a grid cell in which only one point is kept, in metres."""
 
 
-def departure(query: Query, localisation: Localisation) -> Departure | None:
+def departure(query: QueryState, localisation: Localisation) -> Departure | None:
     """Return the place from where an attempt begins; None if it is not certain enough, or if the system does not use
     observations of presence."""
     if localisation.node is None or not query.context.system.follows_presence:
@@ -93,7 +93,7 @@ def departure(query: Query, localisation: Localisation) -> Departure | None:
     return Departure(localisation.node, localisation.waypoint, query.motion.odometry, share)
 
 
-def open_ways(query: Query) -> list[EdgeKey]:
+def open_ways(query: QueryState) -> list[EdgeKey]:
     """Return the edges that were last seen closed, but whose paths are now seen to be free."""
     if query.departure is None:
         return []
@@ -111,7 +111,7 @@ def open_ways(query: Query) -> list[EdgeKey]:
     return [key for key, way in ways.items() if shows_free(scan, transform_points(way, back))]
 
 
-def obstruction_ahead(query: Query, segment: Sequence[NodeId]) -> Obstruction | None:
+def obstruction_ahead(query: QueryState, segment: Sequence[NodeId]) -> Obstruction | None:
     """Return the new obstacles if anything lies across the path of a nearby edge, which is cheap to check."""
     if query.departure is None or len(segment) < 2:
         return None
@@ -121,7 +121,7 @@ def obstruction_ahead(query: Query, segment: Sequence[NodeId]) -> Obstruction | 
 
 
 def find_obstruction(
-    query: Query, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False
+    query: QueryState, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False
 ) -> Obstruction | None:
     """Return the new obstacles around the robot on its path along nodes; None without any.
 
@@ -145,12 +145,12 @@ def find_obstruction(
     return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
 
 
-def _here(query: Query, left: Departure) -> Pose:
+def _here(query: QueryState, left: Departure) -> Pose:
     """Return the robot's pose (3,) in the frame of the node that it departed from."""
     return compose(invert(left.waypoint), relative(left.odometry, query.motion.odometry))
 
 
-def _solid_points(query: Query, here: Pose) -> NDArray[np.float64]:
+def _solid_points(query: QueryState, here: Pose) -> NDArray[np.float64]:
     """Return (M, 2) solid points that a robot at a pose (3,) sees now or saw nearby recently, thinned out."""
     spec = query.context.spec
     depth = query.perception.observation.depth
@@ -158,7 +158,7 @@ def _solid_points(query: Query, here: Pose) -> NDArray[np.float64]:
     return _thinned(transform_points(np.concatenate([seen, query.driver.solid_points()]), here))
 
 
-def _hit_unseen(query: Query, node: NodeId, here: Pose) -> NDArray[np.float64]:
+def _hit_unseen(query: QueryState, node: NodeId, here: Pose) -> NDArray[np.float64]:
     """Return (M, 2) points of a collision with an obstacle that no image showed, in the frame of a node.
 
     This happens when the robot backs up. Collisions with known obstacles, or beside them, are left out.
@@ -167,7 +167,7 @@ def _hit_unseen(query: Query, node: NodeId, here: Pose) -> NDArray[np.float64]:
     return hit if _is_new(query, hit, node, here).all() else hit[:0]
 
 
-def _is_new(query: Query, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
+def _is_new(query: QueryState, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
     """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
     poses = nearby_poses(query.context.graph, node)
     nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]

@@ -1,29 +1,63 @@
-"""One query to a goal: the state that all its parts share, and the questions that most of them ask.
+"""One query to a goal: the state that all its parts share, and the rules that change it.
 
 Owns this state, what of it ends when the robot is carried, and the only way in which the map changes meanwhile. The
 loop itself is in `navigation.query_runner`.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.place_belief import SURE, BelievedPlace
-from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.attempt_driver import AttemptDriver
-from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.navigation.bystanders import Bystanders
+from ltvn_core.navigation.events import GraphChanged, NavigatorState, Outcome
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.place_tracker import PlaceTracker
-from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId, Pose, Waypoint
 
+MOST_OBSTRUCTIONS = 4
+"""Number of obstructions in one query after which the robot plans no more paths through edges that seem closed."""
+_MOST_FRESH_HOPES = 2
+"""Number of times that closed edges may be tried again, each after a full look around."""
 _SURVEYED_M = 1.5
 """Distance from a turn on the spot within which what it showed still counts, in metres."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigationContext:
+    """The objects that outlive one query."""
+
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    system: NavigationSystem
+    rng: np.random.Generator
+    spec: RobotSpec
+    """The robot's size and camera."""
+    matcher: Matcher
+    planner: Planner
+    bystanders: Bystanders
+    """The people around the robot."""
+    world_time: Callable[[], float] | None = None
+    """Returns the time of the world in seconds; None if the robot's clock shows the time of the world."""
+    actions: ActionPerformer | None = None
+    """Performs the actions of edges; if None, each action fails."""
+    attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+    """Numbers of the next attempts."""
 
 
 class Departure(NamedTuple):
@@ -47,44 +81,92 @@ class Survey(NamedTuple):
     """Whether the images in all directions showed the believed place."""
 
 
-class Query:
-    """A query that runs."""
+@dataclass(slots=True, eq=False)
+class QueryState:
+    """A query that runs. Beliefs that outlive it belong to the map."""
 
-    def __init__(
-        self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, number: int
-    ) -> None:
-        """Start with an empty memory."""
-        self.context = context
-        self.motion = motion
-        self.perception = perception
-        self.goal = goal
-        self.number = number
-        self.memory = QueryMemory(context.method.planning, context.method.localising)
-        self.forget_odometry()
+    context: NavigationContext
+    motion: MotionExecutor
+    perception: Perception
+    goal: NodeId
+    number: int
 
-    def forget_odometry(self) -> None:
-        """Renew what follows the robot by odometry: obstacles, the place belief, and the place of departure."""
+    # Set by each round of the loop.
+    state: NavigatorState = NavigatorState.IDLE
+    plan: tuple[NodeId, ...] = ()
+    """Nodes of the last plan; localisation searches around them first."""
+    reached: NodeId | None = None
+    """The node that the last attempt approached and reached."""
+    approached: NodeId | None = None
+    """The node that the robot last approached before driving to its successor."""
+    assumed_node: NodeId | None = None
+    """Node where the robot is assumed to be, because an attempt to reach it took no step; used once."""
+
+    # Set by attempts, kept until the query ends; the rules against driving in circles.
+    driven: Counter[EdgeKey] = field(default_factory=Counter)
+    failed: set[EdgeKey] = field(default_factory=set)
+    stopped: set[EdgeKey] = field(default_factory=set)
+    """Edges on which an obstacle stopped the robot."""
+    penalties: dict[EdgeKey, float] = field(default_factory=dict)
+    """Extra costs of edges."""
+    searched: set[NodeId] = field(default_factory=set)
+    """Starts without a path, from where the map was extended."""
+    surveys: int = 0
+    """Number of turns on the spot to see whether the goal is here."""
+
+    # Set by recovery.
+    consecutive_failures: int = 0
+    """Consecutive observations without a node or without a path."""
+    give_up_outcome: Outcome = Outcome.LOST
+    """Outcome if the query is given up; `NO_PATH` takes precedence over `LOST`."""
+
+    # Renewed by `begin_anew`.
+    first_looks: int = 0
+    """Number of turns since the place was forgotten, because the robot could be at several places."""
+    began_at_m: float = 0.0
+    """Distance driven when the place was forgotten, in metres."""
+    doubted: set[NodeId] = field(default_factory=set)
+    """Nodes that localisation excludes, because attempts from them or to them failed."""
+    failed_from: Counter[NodeId] = field(default_factory=Counter)
+    fresh_hopes: int = 0
+    obstructions: int = 0
+    """Number of obstructions met so far; renewed a few times."""
+    felt_closed: set[EdgeKey] = field(default_factory=set)
+    """Edges closed by an obstacle that stopped the robot; an image of a free path does not reopen them."""
+
+    # Renewed when the robot is carried, because they follow it by odometry.
+    driver: AttemptDriver = field(init=False)
+    places: PlaceTracker = field(init=False)
+    departure: Departure | None = field(init=False)
+    survey: Survey | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start with a robot that knows nothing about its place."""
+        self._forget_odometry()
+
+    def _forget_odometry(self) -> None:
         context = self.context
         self.driver = AttemptDriver(
-            self.motion, self.perception, context.method.driving, context.spec, bystanders=context.bystanders
+            self.motion, self.perception, self.method.driving, context.spec, bystanders=context.bystanders
         )
         self.places = self.perception.places = PlaceTracker(context.graph, context.matcher, context.system)
-        self.departure: Departure | None = None
-        self.survey: Survey | None = None
+        self.departure = self.survey = None
 
     @property
     def method(self) -> Method:
         """The system's thresholds."""
-        return self.context.method
+        return self.context.system.method
 
     @property
     def now_s(self) -> float:
         """Time of the world at the current observation, in seconds."""
-        return self.context.world_time_s(self.perception.observation.stamp)
+        world_time = self.context.world_time
+        stamp = self.perception.observation.stamp
+        return stamp if world_time is None else world_time()
 
     def place(self) -> BelievedPlace | None:
         """Return the robot's most probable place; None without a place belief."""
-        return self.places.place(self.motion.odometry, self.memory.doubted)
+        return self.places.place(self.motion.odometry, self.doubted)
 
     def place_p(self) -> float | None:
         """Return the probability of the robot's likeliest place; None without a place belief."""
@@ -101,16 +183,11 @@ class Query:
         place = self.place()
         return {} if place is None or place.probability <= probability else place.nodes
 
-    def look(self) -> BelievedPlace | None:
-        """Update the place belief with the current image, and return the most probable place; None without any."""
-        _ = self.perception.features  # The belief gets every image that is encoded.
-        return self.place()
-
     @property
     def is_surveyed(self) -> bool:
         """Whether the robot has turned round near here, to see what is around."""
         survey = self.survey
-        return survey is not None and np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M
+        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M)
 
     def surveyed_waypoint(self, node: NodeId) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the images in all directions confirmed the sure place."""
@@ -121,16 +198,52 @@ class Query:
         """Tell whether a node with this r is recognised."""
         return reachability > self.method.localising.reachability
 
-    def begin_anew(self) -> None:
-        """Forget the place, which was probably wrong, and trust all nodes and edges again."""
-        self.places.forget()
-        self.survey = None
-        self.memory.begin_anew(self.motion.path_m)
-
     def never_closed(self, edge: EdgeKey) -> bool:
         """Tell whether an edge is a short one to the goal, which obstacles beside the goal may only seem to close."""
         is_short = self.context.graph.edges[edge].belief.mu <= self.method.building.connect_distance
         return edge[1] == self.goal and is_short
+
+    def count_drive(self, edge: EdgeKey) -> bool:
+        """Count an attempt along an edge; tell whether the number of attempts exceeds the limit of repeats."""
+        self.driven[edge] += 1
+        return 0 < self.method.planning.repeat_limit < self.driven[edge]
+
+    def record_failures(self, edges: Iterable[EdgeKey]) -> None:
+        """Remember that an attempt along edges failed, and raise their costs; any of them may be the cause."""
+        for edge in edges:
+            self.failed.add(edge)
+            if penalty := self.method.planning.failure_penalty:
+                self.penalties[edge] = self.penalties.get(edge, 0.0) + penalty
+
+    def record_failure_from(self, node: NodeId) -> None:
+        """Remember that an attempt from a node failed; after several failures, doubt that the robot is there."""
+        self.failed_from[node] += 1
+        if 0 < self.method.localising.doubt_after_failures <= self.failed_from[node]:
+            self.doubted.add(node)
+
+    def begin_anew(self) -> None:
+        """Forget the place, which was probably wrong, and trust all nodes again; the penalties are kept.
+
+        A few times per query, closed edges are trusted again, too.
+        """
+        self.places.forget()
+        self.survey = None
+        self.first_looks = 0
+        self.began_at_m = self.motion.path_m
+        self.doubted.clear()
+        self.failed_from.clear()
+        self.fresh_hopes += 1
+        if self.fresh_hopes <= _MOST_FRESH_HOPES:
+            self.obstructions = 0
+            self.felt_closed.clear()
+
+    def arrive_elsewhere(self, node: NodeId) -> None:
+        """Continue at a node to which the robot was carried; what was known about its place no longer holds."""
+        self.assumed_node = node
+        self.approached = None
+        self.doubted.clear()
+        self._forget_odometry()
+        self.places.begin_at(node, self.motion.odometry)
 
     def apply(self, deltas: Iterable[GraphDelta], attempt: int | None = None) -> Iterator[GraphChanged]:
         """Change the map, and yield an event for each change."""

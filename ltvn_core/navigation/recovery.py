@@ -8,49 +8,51 @@ from collections.abc import Iterator
 from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.navigation.events import Event, Outcome, Tick
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
-from ltvn_core.navigation.query import Query
+from ltvn_core.navigation.query import QueryState
 
 TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 """Angle of the turn on the spot between two observations, and number of observations in a full turn."""
 
 
-def recover(query: Query, why: Outcome) -> EventGenerator[None]:
+def recover(query: QueryState, why: Outcome) -> EventGenerator[None]:
     """Turn on the spot to look again; finally give up.
 
     Raises:
         QueryAborted: If the robot has looked around often enough.
     """
-    memory = query.memory
-    memory.record_localisation_failure(why)
+    if query.consecutive_failures == 0 or why is Outcome.NO_PATH:
+        query.give_up_outcome = why
+    query.consecutive_failures += 1
+    query.plan = ()
     if why is Outcome.LOST and query.perception.is_usable:
         yield from _remember_novel(query)
-    if memory.consecutive_failures >= query.method.recovering.give_up_after_looks:
-        raise QueryAborted(memory.give_up_outcome)
-    if memory.consecutive_failures % LOOKS_PER_TURN == 0:
+    if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
+        raise QueryAborted(query.give_up_outcome)
+    if query.consecutive_failures % LOOKS_PER_TURN == 0:
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
         query.begin_anew()
     yield from turn(query)
 
 
-def turn_to_see(query: Query) -> EventGenerator[None]:
+def turn_to_see(query: QueryState) -> EventGenerator[None]:
     """Turn as a lost robot does, but keep the plan, because localisation searches around it first."""
-    plan = query.memory.plan
-    query.memory.assumed_node = None  # After a turn the robot is no longer at the assumed node.
+    plan = query.plan
+    query.assumed_node = None  # After a turn the robot is no longer at the assumed node.
     yield from recover(query, Outcome.LOST)
-    query.memory.plan = plan
+    query.plan = plan
 
 
-def turn(query: Query) -> Iterator[Event | Tick]:
+def turn(query: QueryState) -> Iterator[Event | Tick]:
     """Turn on the spot towards the direction of the next observation."""
     yield from query.driver.turn(TURN_RAD)
 
 
-def _remember_novel(query: Query) -> Iterator[Event]:
+def _remember_novel(query: QueryState) -> Iterator[Event]:
     """Offer an unrecognised image to the system, which may make it a node."""
     context = query.context
     perception = query.perception
     seen = perception.observation
-    unrecognised = UnrecognisedObservation(seen, perception.features, query.memory.consecutive_failures)
+    unrecognised = UnrecognisedObservation(seen, perception.features, query.consecutive_failures)
     deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
     if deltas:
         context.keyframes.add([seen], perception.features)

@@ -12,10 +12,15 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.bystanders import Bystanders
+from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
-from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.query import NavigationContext, QueryState
 from ltvn_core.types import Features, Prediction
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room, tour
 
@@ -79,13 +84,28 @@ def test_no_edge_leads_from_a_place_to_its_perceptual_alias() -> None:
 
 
 def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_again() -> None:
-    memory = QueryMemory(ROBUST.planning, ROBUST.localising)
+    world = one_room()
+    predictor, graph = FlatPredictor(world), TopologicalGraph()
+    keyframes, system, robot = KeyframeStore(predictor), ltvn_system(ROBUST), FlatRobot(world, [1.0, 1.0, 0.0])
+    matcher = Matcher(predictor, keyframes, ROBUST.matching)
+    context = NavigationContext(
+        graph=graph,
+        keyframes=keyframes,
+        system=system,
+        rng=np.random.default_rng(0),
+        spec=robot.spec,
+        matcher=matcher,
+        planner=Planner(graph, ROBUST.planning, weight=system.edge_weight),
+        bystanders=Bystanders(),
+    )
+    motion = MotionExecutor(robot, 0, ROBUST.recovering)
+    query = QueryState(context, motion, Perception(motion, predictor, matcher), goal=5, number=0)
     for _ in range(ROBUST.localising.doubt_after_failures):
-        assert not memory.doubted
-        memory.record_failure_from(3)
-    assert memory.doubted == {3}
-    memory.begin_anew(1.0)
-    assert not memory.doubted
+        assert not query.doubted
+        query.record_failure_from(3)
+    assert query.doubted == {3}
+    query.begin_anew()
+    assert not query.doubted
 
 
 FIRST_DRIVE = [(0.7, 0.7), (2.7, 0.7)]

@@ -1,6 +1,6 @@
 """Changes of the map after driving, as pure functions (graph, evidence) -> deltas.
 
-Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`navigation.judgement`) nor
+Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`navigation.learning`) nor
 search for new paths (`graph.ltvn`).
 """
 

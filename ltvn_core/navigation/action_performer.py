@@ -1,6 +1,6 @@
 """Interface of the component that performs the actions of edges: a lift, a door, a person who carries the robot.
 
-Owns the contract alone. `navigation.action_runner` waits until an action is done.
+Owns the contract alone. `navigation.query_runner` waits until an action is done.
 """
 
 from enum import StrEnum

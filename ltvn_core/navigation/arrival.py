@@ -1,22 +1,84 @@
-"""Arrival: whether the robot is at the goal, as far as images can tell (ours).
+"""Arrival and recovery: what the robot learns from a look around (ours).
 
 The image of the goal decides where it can: where the predictor recognises it, where the map's own images say that it
 looks different from beside, and where the place belief is sure. Otherwise the robot turns round once, and the images in
-all directions decide. The belief alone is no arrival, because it also follows a robot that went astray.
+all directions decide. The belief alone is no arrival, because it also follows a robot that went astray. A robot that is
+lost or has no path turns round as well, offers images that it does not recognise to the map, and finally gives up.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from ltvn_core.config import JudgingConfig
 from ltvn_core.geometry import distance, relative, wrap_angle
+from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.place_belief import LIKELY, SURE
-from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, BY_WAYPOINT, Note, Outcome, Severity
+from ltvn_core.navigation.events import (
+    BY_IMAGE,
+    BY_PLACE,
+    BY_WAYPOINT,
+    Event,
+    NavigatorState,
+    Note,
+    Outcome,
+    Severity,
+    Tick,
+)
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.query import QueryState, Survey
-from ltvn_core.navigation.recovery import LOOKS_PER_TURN, turn
 from ltvn_core.types import Waypoint
+
+TURN_RAD, LOOKS_PER_TURN = 0.52, 12
+"""Angle of the turn on the spot between two observations, and number of observations in a full turn."""
+
+
+def recover(query: QueryState, why: Outcome) -> EventGenerator[None]:
+    """Turn on the spot to look again; finally give up.
+
+    Raises:
+        QueryAborted: If the robot has looked around often enough.
+    """
+    yield from query.enter(NavigatorState.RECOVERING)
+    if query.consecutive_failures == 0 or why is Outcome.NO_PATH:
+        query.give_up_outcome = why
+    query.consecutive_failures += 1
+    query.plan = ()
+    if why is Outcome.LOST and query.perception.is_usable:
+        yield from _remember_novel(query)
+    if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
+        raise QueryAborted(query.give_up_outcome)
+    if query.consecutive_failures % LOOKS_PER_TURN == 0:
+        # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
+        query.begin_anew()
+    yield from turn(query)
+
+
+def turn_to_see(query: QueryState) -> EventGenerator[None]:
+    """Turn as a lost robot does, but keep the plan, because localisation searches around it first."""
+    plan = query.plan
+    query.assumed_node = None  # After a turn the robot is no longer at the assumed node.
+    yield from recover(query, Outcome.LOST)
+    query.plan = plan
+
+
+def turn(query: QueryState) -> Iterator[Event | Tick]:
+    """Turn on the spot towards the direction of the next observation."""
+    yield from query.driver.turn(TURN_RAD)
+
+
+def _remember_novel(query: QueryState) -> Iterator[Event]:
+    """Offer an unrecognised image to the system, which may make it a node."""
+    context = query.context
+    perception = query.perception
+    seen = perception.observation
+    unrecognised = UnrecognisedObservation(seen, perception.features, query.consecutive_failures)
+    deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
+    if deltas:
+        context.keyframes.add([seen], perception.features)
+        yield from query.apply(deltas)
+
 
 AT_TARGET_M, _AT_TARGET_RAD = 0.35, 0.3
 """Largest distance from a target at which the robot is there by the place belief, in m and rad."""

@@ -18,14 +18,20 @@ from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import is_where_expected
 from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
-from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
-from ltvn_core.navigation.gap_centring import drivable_aim
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.navigation.steering import REACHED_M, TURN_RAD_S, TurningCircle, drives_backwards
+from ltvn_core.navigation.steering import (
+    REACHED_M,
+    TURN_RAD_S,
+    TurningCircle,
+    collision_free_command,
+    drivable_aim,
+    drives_backwards,
+    find_detour,
+    path_clearance_m,
+)
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 

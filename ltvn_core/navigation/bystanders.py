@@ -1,11 +1,11 @@
-"""People around the robot: remembers the last position of each, also while the camera looks elsewhere.
+"""People around the robot: detects their motion, and remembers the last position of each who is out of view.
 
 A person is forgotten when an image shows the position to be free, or some seconds after the last sighting. People are
-detected by motion alone (`navigation.obstacle_memory`); a person who never moved counts as an obstacle. Decides
-nothing.
+detected by motion alone; a person who never moved counts as an obstacle. Decides nothing.
 """
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from ltvn_core.cameras.depth_scan import DepthScan
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, DepthScan
 from ltvn_core.geometry import relative
 
 BODY_M = 0.25
@@ -24,7 +24,7 @@ _ABOUT_S = 1800.0
 """Time after the last motion during which a person may come from anywhere, in seconds."""
 _ONE_BODY_M = 0.3
 """Moving points nearer to each other than this belong to one body."""
-_POINTS = 8
+MOVING_POINTS = 8
 """Least number of moving points that count as a person."""
 _STEP_M = 0.7
 """Distance within which a moving person is matched to one seen before, in metres."""
@@ -82,12 +82,12 @@ class Bystanders:
 
 def _bodies(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Split moving points (M, 2) into bodies, each with its points (K, 2)."""
-    if len(moving) < _POINTS:
+    if len(moving) < MOVING_POINTS:
         return []
     near = KDTree(moving).sparse_distance_matrix(KDTree(moving), _ONE_BODY_M, output_type="coo_matrix")
     count, labels = connected_components(near, directed=False)
     bodies = [moving[labels == label] for label in range(count)]
-    return [body for body in bodies if len(body) >= _POINTS]
+    return [body for body in bodies if len(body) >= MOVING_POINTS]
 
 
 def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -134,3 +134,65 @@ def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]
         return place
     middle = turn + float(across.min() + across.max()) / 2
     return scan.pose[:2] + (nearest_m + BODY_M) * np.array([math.cos(middle), math.sin(middle)])
+
+
+_YOUNGEST_S, _OLDEST_S = 0.3, 3.0
+"""Least and greatest age of the earlier images that an image is compared with, in seconds."""
+_SAME_PLACE_M = 0.2
+"""Distance to a point of an earlier image within which a point counts as static, in metres."""
+_SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
+"""Least numbers of moving points and of bearings that count as a person, rather than as a pole between two pixels."""
+_PLACED_M = 2.5
+"""Distance beyond which a moving person is noticed but not located, in metres."""
+
+
+class MovingObstacles:
+    """Detects moving points by comparison with the depth images of the last seconds."""
+
+    def __init__(self, bystanders: Bystanders) -> None:
+        """Start with an empty memory; moving people are reported to `bystanders`."""
+        self._bystanders = bystanders
+        self._scans: deque[DepthScan] = deque(maxlen=24)
+
+    def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return (M,) which solid points (M, 2) of an image, in the odometry frame, have moved; remember the image.
+
+        If the moving points are not as wide as a person, only those that are `nearby` (M,) can be a person.
+        """
+        moved = self._moved(scan.stamp, things)
+        if _are_somebody(things[moved], scan):
+            self._bystanders.noticed(scan.stamp)
+            placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
+            self._bystanders.look(scan, things[moved & placed])
+        else:
+            self._bystanders.look(scan, things[moved & nearby])
+        self._scans.append(scan)
+        return moved
+
+    def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        free = np.zeros(len(points), bool)
+        asked = np.arange(len(points))
+        for scan in reversed(self._scans):
+            if not len(asked):
+                break
+            if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
+                was_free, was_there = _votes(scan, points[asked])
+                free[asked] |= was_free
+                free[asked[was_there]] = False
+                asked = asked[~was_there]  # A point that stood still is not moving, whatever older images show.
+        return free
+
+
+def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
+    """Tell whether moving points (M, 2) in the odometry frame are as wide as a person."""
+    bearings = scan.bins(scan.polar(moving)[1])
+    return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
+
+
+def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which points (M,) an earlier image showed as free floor, and which as an obstacle."""
+    away_m, bearing = scan.polar(points)
+    inside = scan.inside(bearing)
+    beside = scan.beside(bearing)
+    free = inside & scan.shows_past(bearing, away_m + FREE_BEYOND_M)
+    return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)

@@ -1,7 +1,8 @@
-"""Obstacle memory: obstacles near the robot, from recent depth images and collisions.
+"""Obstacle memory: obstacles near the robot, from recent depth images and collisions, and the distances to them.
 
-Owns the points and how long each is remembered: a door frame leaves the image before the robot has passed it. Does not
-contain low obstacles close to the robot, which no image shows. Decides nothing: `navigation.obstacle_avoidance` does.
+Owns the points, which of them count as noise, and how long each is remembered: a door frame leaves the image before the
+robot has passed it. Does not contain low obstacles close to the robot, which no image shows. Decides nothing:
+`navigation.steering` does.
 """
 
 import itertools
@@ -10,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from ltvn_core.cameras.depth_points import (
     RELEVANT_RANGE_M,
@@ -20,73 +22,45 @@ from ltvn_core.cameras.depth_points import (
 )
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan
 from ltvn_core.geometry import relative, rotation
-from ltvn_core.navigation.bystanders import BODY_M, Bystanders
-from ltvn_core.navigation.clearances import MAX_NOISE_POINTS
+from ltvn_core.navigation.bystanders import BODY_M, MOVING_POINTS, Bystanders, MovingObstacles
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
-_YOUNGEST_S, _OLDEST_S = 0.3, 3.0
-"""Least and greatest age of the earlier images that an image is compared with, in seconds."""
-_SAME_PLACE_M = 0.2
-"""Distance to a point of an earlier image within which a point counts as static, in metres."""
-MOVING_POINTS = 8
-"""Least number of moving points close ahead that count as a person."""
-_SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
-"""Least numbers of moving points and of bearings that count as a person, rather than as a pole between two pixels."""
-_PLACED_M = 2.5
-"""Distance beyond which a moving person is noticed but not located, in metres."""
+MAX_NOISE_POINTS = 2
+"""Number of stray points that are ignored as noise."""
+_TOLERANCE_M = 0.005
+NARROW_MARGIN_M = 0.02
+"""Clearance kept beside the robot in narrow places, for errors of depth, in metres."""
+_FAR_M = 0.5
+"""Distance from a place beyond which obstacles are ignored, in metres."""
+_SAMPLES = 24
 
 
-class MovingObstacles:
-    """Detects moving points by comparison with the depth images of the last seconds."""
+class Clearances:
+    """Distances to obstacles, in the robot's frame."""
 
-    def __init__(self, bystanders: Bystanders) -> None:
-        """Start with an empty memory; moving people are reported to `bystanders`."""
-        self._bystanders = bystanders
-        self._scans: deque[DepthScan] = deque(maxlen=24)
+    def __init__(self, points: NDArray[np.float64]) -> None:
+        """Index obstacle points (M, 2)."""
+        self._tree = KDTree(points) if len(points) > MAX_NOISE_POINTS else None
 
-    def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return (M,) which solid points (M, 2) of an image, in the odometry frame, have moved; remember the image.
+    def at(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (...) distances in metres from places (..., 2) to the nearest obstacle; inf if it is far."""
+        if self._tree is None:
+            return np.full(places.shape[:-1], np.inf)
+        gaps, _ = self._tree.query(places, k=MAX_NOISE_POINTS + 1, distance_upper_bound=_FAR_M)
+        return np.asarray(gaps)[..., -1]
 
-        If the moving points are not as wide as a person, only those that are `nearby` (M,) can be a person.
+    def of_lines(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (C,) clearances in metres of straight lines from (C, 2) to (C, 2), without their start points."""
+        share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
+        return self.at(starts + share * (ends - starts)).min(axis=0)
+
+    def least_m(self, wanted_m: float) -> float:
+        """Return the distance in metres to keep from obstacles: the wanted one, or a little less than the present one.
+
+        A robot that is already too close to an obstacle may move away from it, but not closer.
         """
-        moved = self._moved(scan.stamp, things)
-        if _are_somebody(things[moved], scan):
-            self._bystanders.noticed(scan.stamp)
-            placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
-            self._bystanders.look(scan, things[moved & placed])
-        else:
-            self._bystanders.look(scan, things[moved & nearby])
-        self._scans.append(scan)
-        return moved
-
-    def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        free = np.zeros(len(points), bool)
-        asked = np.arange(len(points))
-        for scan in reversed(self._scans):
-            if not len(asked):
-                break
-            if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
-                was_free, was_there = _votes(scan, points[asked])
-                free[asked] |= was_free
-                free[asked[was_there]] = False
-                asked = asked[~was_there]  # A point that stood still is not moving, whatever older images show.
-        return free
-
-
-def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
-    """Tell whether moving points (M, 2) in the odometry frame are as wide as a person."""
-    bearings = scan.bins(scan.polar(moving)[1])
-    return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
-
-
-def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which points (M,) an earlier image showed as free floor, and which as an obstacle."""
-    away_m, bearing = scan.polar(points)
-    inside = scan.inside(bearing)
-    beside = scan.beside(bearing)
-    free = inside & scan.shows_past(bearing, away_m + FREE_BEYOND_M)
-    return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
+        return min(wanted_m, float(self.at(np.zeros(2))) - _TOLERANCE_M)
 
 
 _REMEMBERED_IMAGES = 40

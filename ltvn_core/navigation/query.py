@@ -23,10 +23,9 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.events import GraphChanged, NavigatorState, Outcome
+from ltvn_core.navigation.events import GraphChanged, NavigatorState, Outcome, StateChanged
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception
-from ltvn_core.navigation.place_tracker import PlaceTracker
+from ltvn_core.navigation.perception import Perception, PlaceTracker
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId, Pose, Waypoint
 
@@ -244,6 +243,12 @@ class QueryState:
         self.doubted.clear()
         self._forget_odometry()
         self.places.begin_at(node, self.motion.odometry)
+
+    def enter(self, state: NavigatorState) -> Iterator[StateChanged]:
+        """Go over to a state, and yield an event if it is another."""
+        if state is not self.state:
+            self.state = state
+            yield StateChanged(state)
 
     def apply(self, deltas: Iterable[GraphDelta], attempt: int | None = None) -> Iterator[GraphChanged]:
         """Change the map, and yield an event for each change."""

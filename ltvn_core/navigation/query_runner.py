@@ -1,52 +1,64 @@
 """Runs one query: the navigation loop of the paper (Section III), step by step.
 
-Owns the order of the steps and the events that report them. The decisions are elsewhere: in the strategies of
-`graph.navigation_system`, in `graph.planner`, `navigation.attempt_driver` and `navigation.judgement`.
+Owns the order of the steps, the events that report them, and the costs of a plan. The decisions are elsewhere: in the
+strategies of `graph.navigation_system`, in `graph.planner`, `graph.presence.presence_plan`, `navigation.attempt_driver`
+and `navigation.learning`.
 """
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ltvn_core.geometry import compose, relative
+from ltvn_core.geometry import compose
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
-from ltvn_core.graph.planner import GraphPath
-from ltvn_core.navigation.action_runner import run_action
-from ltvn_core.navigation.arrival import AT_TARGET_M, Arrival, check_goal, check_place
+from ltvn_core.graph.planner import GraphPath, with_blind_costs
+from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.action_performer import ActionState
+from ltvn_core.navigation.arrival import (
+    AT_TARGET_M,
+    LOOKS_PER_TURN,
+    Arrival,
+    check_goal,
+    check_place,
+    recover,
+    turn,
+    turn_to_see,
+)
 from ltvn_core.navigation.attempt_driver import AttemptResult
 from ltvn_core.navigation.events import (
-    BY_PLACE,
     OBSTRUCTED_ENDS,
+    ActionBegun,
+    ActionEnded,
     AttemptEnd,
     AttemptEnded,
     AttemptStarted,
-    Event,
     Localised,
     NavigatorState,
     Outcome,
     Planned,
-    StateChanged,
 )
-from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
-from ltvn_core.navigation.map_learner import learn_from_attempt, look_for_obstacles
+from ltvn_core.navigation.learning import (
+    AttemptVerdict,
+    judge,
+    learn_from_action,
+    learn_from_attempt,
+    look_for_obstacles,
+)
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.obstruction_finder import departure
 from ltvn_core.navigation.perception import NodeMatch
-from ltvn_core.navigation.query import QueryState
-from ltvn_core.navigation.recovery import LOOKS_PER_TURN, recover, turn, turn_to_see
-from ltvn_core.navigation.way_planner import plan_way, way_exists
-from ltvn_core.types import NodeId, Waypoint
+from ltvn_core.navigation.query import MOST_OBSTRUCTIONS, QueryState
+from ltvn_core.types import NodeId
 
 _AT_NODE_DISTANCE = 0.3
 """Greatest d at which a node is not approached before its successor."""
 _AT_START_M = 0.1
 """Driven distance up to which the robot is where it began to localise, in metres."""
-_INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
-"""Ends of attempts that say something about the surroundings, not about the edge."""
 
 
 def run(query: QueryState) -> EventGenerator[Arrival]:
@@ -59,16 +71,15 @@ def run(query: QueryState) -> EventGenerator[Arrival]:
         if (yield from query.perception.can_compare()) and (arrival := (yield from check_goal(query))):
             return arrival
         if not query.perception.is_usable:
-            yield from _enter(query, NavigatorState.RECOVERING)
             yield from turn_to_see(query)
             continue
         localisation = yield from _localise(query)
         if localisation.node is None:
-            yield from _recover(query, Outcome.LOST)
+            yield from recover(query, Outcome.LOST)
             continue
         path = yield from _plan(query, localisation.node)
         if not path.nodes:
-            yield from _recover(query, Outcome.NO_PATH)
+            yield from recover(query, Outcome.NO_PATH)
             continue
         query.consecutive_failures = 0
         if _looks_first(query):
@@ -76,7 +87,7 @@ def run(query: QueryState) -> EventGenerator[Arrival]:
             continue
         driven = _until_action(query, path)
         if len(driven.nodes) == 1 < len(path.nodes) and _stands_at_node(query, localisation):
-            yield from _act(query, path.nodes[0], path.nodes[1])
+            yield from _act(query, (path.nodes[0], path.nodes[1]))
         elif arrival := (yield from _follow(query, localisation, driven)):
             return arrival
 
@@ -92,19 +103,21 @@ def _looks_first(query: QueryState) -> bool:
 
 def _localise(query: QueryState) -> EventGenerator[Localisation]:
     """Find the node the robot is at."""
-    yield from _enter(query, NavigatorState.LOCALISING)
+    yield from query.enter(NavigatorState.LOCALISING)
     assumed, query.assumed_node = query.assumed_node, None
     if assumed is not None and assumed in query.context.graph.nodes:
-        localisation = _localisation_at(query, assumed)
+        match = query.perception.node_match(assumed)
+        known = query.known_waypoint(assumed, LIKELY)
+        match = match if known is None else match.with_waypoint(known)
+        localisation = Localisation(assumed, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
     else:
         context = query.context
         features = query.perception.features
         prior = LocalisationPrior(query.plan, query.doubted, query.place())
         localisation = context.system.localise(features, context.graph, prior, context.matcher)
-    frame = query.perception.observation.step
     yield Localised(
         query=query.number,
-        frame=frame,
+        frame=query.perception.observation.step,
         node=localisation.node,
         distance=localisation.distance,
         reachability=localisation.reachability,
@@ -116,26 +129,22 @@ def _localise(query: QueryState) -> EventGenerator[Localisation]:
     return localisation
 
 
-def _localisation_at(query: QueryState, node: NodeId) -> Localisation:
-    """Return a localisation at a given node, with its waypoint from the place belief, or else from the image."""
-    match = query.perception.node_match(node)
-    known = query.known_waypoint(node, LIKELY)
-    match = match if known is None else match.with_waypoint(known)
-    return Localisation(node, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
-
-
 def _plan(query: QueryState, start: NodeId) -> EventGenerator[GraphPath]:
     """Find the cheapest path; if there is none, let the system extend the map."""
-    yield from _enter(query, NavigatorState.PLANNING)
+    yield from query.enter(NavigatorState.PLANNING)
     context = query.context
     query = query
-    path = plan_way(query, start)
-    if not path.nodes and not way_exists(query, start) and start not in query.searched:
+    path = _plan_now(query, start)
+    if (
+        not path.nodes
+        and not context.planner.plan(start, query.goal, query.penalties).nodes  # Not even over closed edges.
+        and start not in query.searched
+    ):
         query.searched.add(start)
         yield from query.apply(
             context.system.maintenance.no_path(context.graph, start, query.goal, context.matcher, context.rng)
         )
-        path = plan_way(query, start)
+        path = _plan_now(query, start)
     query.plan = path.nodes
     yield Planned(query.number, path.nodes, path.cost, query.place_p())
     return path
@@ -158,26 +167,53 @@ def _stands_at_node(query: QueryState, localisation: Localisation) -> bool:
     return is_there or localisation.distance <= _AT_NODE_DISTANCE or query.reached == node
 
 
-def _act(query: QueryState, source: NodeId, target: NodeId) -> EventGenerator[None]:
-    """Run the action of an edge; afterwards the robot is at the edge's target, though its wheels did not move."""
-    yield from _enter(query, NavigatorState.ACTING)
-    edge = (source, target)
+def _act(query: QueryState, edge: EdgeKey) -> EventGenerator[None]:
+    """Run the action of an edge while the robot stands still, and update the belief in the edge.
+
+    Waiting does not count against the step limit, because a lift may take its time. Afterwards the robot is at the
+    edge's target, though its wheels did not move. Without an action performer, every action fails at once.
+    """
+    yield from query.enter(NavigatorState.ACTING)
     query.reached = None
-    succeeded = yield from run_action(query, edge)
+    action = query.context.graph.edges[edge].action
+    performer = query.context.actions
+    yield ActionBegun(query.number, *edge, query.perception.observation.step, action)
+    succeeded = False
+    failure = "nobody performs actions here"
+    try:
+        yield from query.motion.wait_one_step()  # So that the robot stands, and no plan is repeated without end.
+        if performer is not None:
+            performer.begin(*edge, action)
+            while (state := performer.state()) is ActionState.PENDING:
+                yield from query.motion.stand_by()
+            yield from query.motion.stand_by()  # So that the robot reads its sensors where it is now.
+            succeeded = state is ActionState.DONE
+            failure = "" if succeeded else "it could not be done"
+    except QueryAborted as over:
+        frame = query.perception.observation.step
+        yield ActionEnded(query.number, *edge, frame, succeeded=False, reason=f"cut short: {over.outcome.value}")
+        raise
+    frame = query.perception.observation.step
+    yield ActionEnded(query.number, *edge, frame, succeeded=succeeded, reason=failure)
+    if performer is not None:
+        yield from query.apply(learn_from_action(query, edge, succeeded=succeeded))
     if not succeeded or query.count_drive(edge):
         query.failed.add(edge)
         query.penalties[edge] = math.inf
     if succeeded:
-        query.arrive_elsewhere(target)
+        query.arrive_elsewhere(edge[1])
 
 
 def _follow(query: QueryState, localisation: Localisation, path: GraphPath) -> EventGenerator[Arrival | None]:
     """Drive to the subgoal; return the arrival if nothing is left to drive because the robot is at the goal."""
-    segment = _subgoal_segment(query, path)
+    subgoal = 0
+    if len(path.nodes) > 1:
+        subgoal = query.context.system.subgoal(path.nodes, lambda node: query.perception.node_match(node).reachability)
+    segment = path.nodes[: subgoal + 1]
     node_match = _departure(query, localisation, segment)
     if node_match is None:
-        segment = segment[:1]
-        node_match = query.perception.node_match(segment[0])
+        segment = path.nodes[:1]
+        node_match = query.perception.node_match(path.nodes[0])
     source, target = _ends(segment)
     query.approached = target if source is None else None
     query.departure = departure(query, localisation)
@@ -200,14 +236,6 @@ def _follow(query: QueryState, localisation: Localisation, path: GraphPath) -> E
     return None
 
 
-def _subgoal_segment(query: QueryState, path: GraphPath) -> tuple[NodeId, ...]:
-    """Return the path up to the subgoal; only the goal if the robot is already there."""
-    if len(path.nodes) == 1:
-        return path.nodes
-    chosen = query.context.system.subgoal(path.nodes, lambda node: query.perception.node_match(node).reachability)
-    return path.nodes[: chosen + 1]
-
-
 def _departure(query: QueryState, localisation: Localisation, segment: tuple[NodeId, ...]) -> NodeMatch | None:
     """Return the prediction of the target at departure; None if the robot should first approach the node that it is
     at."""
@@ -228,21 +256,16 @@ def _departure(query: QueryState, localisation: Localisation, segment: tuple[Nod
         return None
     if not driving.through_map:
         return node_match
-    return node_match.with_waypoint(_along(query, localisation.waypoint, segment))
-
-
-def _along(query: QueryState, waypoint: Waypoint, nodes: Sequence[NodeId]) -> Waypoint:
-    """Return the waypoint (3,) of the last of `nodes`, by the edges from the first one, which is at `waypoint`
-    (3,)."""
-    for edge in itertools.pairwise(nodes):
+    waypoint = localisation.waypoint
+    for edge in itertools.pairwise(segment):
         waypoint = compose(waypoint, np.array(query.context.graph.edges[edge].waypoint))
-    return waypoint
+    return node_match.with_waypoint(waypoint)
 
 
 def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch) -> EventGenerator[AttemptResult]:
     """Make one attempt and learn from it."""
     source, target = _ends(segment)
-    yield from _enter(query, NavigatorState.DRIVING)
+    yield from query.enter(NavigatorState.DRIVING)
     attempt = next(query.context.attempt_numbers)
     frame = query.perception.observation.step
     yield AttemptStarted(
@@ -251,7 +274,9 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
     try:
         query = query
         known = query.surveyed_waypoint(target) if source is None else query.known_waypoint(target, LIKELY)
-        is_known = known is not None or _is_by_odometry(query, segment)
+        # The two images of an edge that only odometry supports may show nothing in common.
+        edges = query.context.graph.edges
+        is_known = known is not None or any(edges[edge].by_odometry for edge in itertools.pairwise(segment))
         result = yield from query.driver.drive(
             target, node_match.waypoint, is_known=is_known, around=query.nodes_around(LIKELY)
         )
@@ -259,8 +284,8 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
         end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
         yield _ended(query, attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
         raise
-    yield from _enter(query, NavigatorState.JUDGING)
-    verdict = _judge(query, segment, result)
+    yield from query.enter(NavigatorState.JUDGING)
+    verdict = judge(query, segment, result)
     yield _ended(query, attempt, source, target, result.end, verdict)
     usable = yield from query.perception.can_compare()
     if verdict.succeeded and not result.steps and query.context.system.follows_presence:
@@ -274,39 +299,6 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
     elif query.context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
         query.doubted.add(target)  # The way to the target is blocked, so the robot is probably not there.
     return result
-
-
-def _is_by_odometry(query: QueryState, segment: Sequence[NodeId]) -> bool:
-    """Tell whether a segment has an edge that only odometry supports, so that its two images may show nothing in
-    common."""
-    return any(query.context.graph.edges[edge].by_odometry for edge in itertools.pairwise(segment))
-
-
-def _judge(query: QueryState, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:
-    source, target = _ends(segment)
-    driven_too_often = source is not None and query.count_drive((source, target))
-    if not query.perception.is_usable:
-        return AttemptVerdict(False, "the last image has no depth, so it cannot be judged", hindered=True)
-    seen = query.perception.node_match(target)
-    left = relative(query.motion.odometry, result.goal)
-    place = query.place()
-    verdict = judge_attempt(
-        seen.reachability,
-        seen.distance,
-        left,
-        query.method,
-        fits_place=place is None or not place.rules_out(target, seen.waypoint, SURE),
-        hindered=result.end in _INCONCLUSIVE_ENDS,
-        driven_too_often=driven_too_often,
-    )
-    is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
-    known = query.known_waypoint(target, SURE) if is_unsure and source is not None else None
-    if known is not None and np.hypot(known[0], known[1]) < AT_TARGET_M:
-        if not query.is_recognised(seen.reachability):
-            query.assumed_node = target  # The image does not show the target, only the belief does.
-        why = "the images of the whole query say that the robot is there"
-        return AttemptVerdict(True, why, rule=BY_PLACE)
-    return verdict
 
 
 def _ended(
@@ -329,18 +321,37 @@ def _ended(
     )
 
 
-def _recover(query: QueryState, why: Outcome) -> EventGenerator[None]:
-    yield from _enter(query, NavigatorState.RECOVERING)
-    yield from recover(query, why)
-
-
-def _enter(query: QueryState, state: NavigatorState) -> Iterator[Event]:
-    if state is not query.state:
-        query.state = state
-        yield StateChanged(state)
-
-
 def _ends(segment: Sequence[NodeId]) -> tuple[NodeId | None, NodeId]:
     """Return the source and the target of an attempt; an approach of a single node has no source."""
     source = None if len(segment) == 1 else segment[0]
     return source, segment[-1]
+
+
+_LEAST_P = 1e-3
+"""Lower limit of the probability that an edge is open."""
+
+
+def _plan_now(query: QueryState, start: NodeId) -> GraphPath:
+    """Return the path to take from a node to the goal now."""
+    context = query.context
+    penalties = with_blind_costs(context.graph, query.penalties, query.place_p())
+    open_now = context.system.presence.probabilities(context.graph, query.now_s)
+    open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
+    if not open_now:
+        return context.planner.plan(start, query.goal, penalties)
+    path = plan_by_presence(
+        context.planner,
+        start,
+        query.goal,
+        penalties,
+        open_now,
+        belief_weight=query.method.planning.belief_weight,
+        tries=query.obstructions,
+    )
+    if path.nodes or query.obstructions >= MOST_OBSTRUCTIONS:
+        return path
+    # A few times per query, the robot takes the path that is most probably open although some edges seem closed.
+    costs = dict(query.penalties)
+    for edge, p in open_now.items():
+        costs[edge] = costs.get(edge, 0.0) - query.method.planning.belief_weight * math.log(max(p, _LEAST_P))
+    return context.planner.plan(start, query.goal, costs)

@@ -130,7 +130,7 @@ def _opened(path: Path) -> "TopologicalMap":
 
 
 def _places(known: "TopologicalMap", images: "Iterable[Observation]") -> "PlacesReport":
-    from ltvn_core.navigation.passive_localisation import PassiveLocaliser
+    from ltvn_core.navigation.perception import PassiveLocaliser
     from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
 
     localiser = PassiveLocaliser(known.graph, known.keyframes, known.predictor, known.system)

@@ -12,7 +12,7 @@ from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.navigation.arrival import is_at_goal
 from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, Event, Outcome, QueryEnded, StampedEvent
-from ltvn_core.navigation.judgement import judge_attempt
+from ltvn_core.navigation.learning import judge_attempt
 from ltvn_core.types import Features, NodeId, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.core.navigation.mapped_world import FIRST_STEP, MappedWorld, map_world, mapped_rooms

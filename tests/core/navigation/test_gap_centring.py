@@ -5,10 +5,7 @@ import pytest
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative, rotation
-from ltvn_core.navigation.detour import find_detour
-from ltvn_core.navigation.gap_centring import drivable_aim
-from ltvn_core.navigation.obstacle_avoidance import collision_free_command
-from ltvn_core.navigation.steering import steer
+from ltvn_core.navigation.steering import collision_free_command, drivable_aim, find_detour, steer
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S
 

@@ -7,8 +7,8 @@ import pytest
 
 from ltvn_core.cameras.depth_points import map_points, obstacle_points
 from ltvn_core.config import ROBUST
-from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
+from ltvn_core.navigation.steering import collision_free_command
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Twist
 from tests.core.flat_world import observation_at

@@ -169,11 +169,12 @@ def _looks_different_from_beside(query: QueryState) -> bool:
     place = query.place()
     if place is None or query.goal not in place.nodes:
         return True
+    matcher = query.context.matcher
     around = [*place.nodes]
     poses = relative(place.nodes[query.goal], np.array([place.nodes[node] for node in around]))
     away_m = np.hypot(poses[:, 0], poses[:, 1])
     nearest, farthest = _BESIDE_M
     is_beside = (away_m > nearest) & (away_m < farthest) & (np.abs(wrap_angle(poses[:, 2])) < _BESIDE_RAD)
-    seen = query.perception.matches_between(query.goal, [around[k] for k in np.flatnonzero(is_beside)])
+    seen = matcher.match(matcher.keyframes.features([query.goal]), [around[k] for k in np.flatnonzero(is_beside)])
     found = zip(seen.reachability, seen.waypoints, strict=True)
     return not any(is_at_goal(float(r), waypoint, query.method.judging) for r, waypoint in found)

@@ -135,7 +135,8 @@ class AttemptDriver:
                 continue
             if isinstance(twist, AttemptEnd):
                 return AttemptResult(twist, step, goal)
-            if self._lets_pass(twist):
+            may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
+            if may_wait and self._obstacles.moves_ahead(motion.odometry):
                 yield from self._wait()
                 continue
             yield from motion.move(twist)
@@ -144,11 +145,6 @@ class AttemptDriver:
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
         return AttemptResult(AttemptEnd.TIMEOUT, most_steps, goal)
-
-    def _lets_pass(self, twist: Twist) -> bool:
-        """Tell whether to stop because something moves close ahead, while this attempt may still wait."""
-        may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
-        return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
 
     def _waits_for_somebody(self) -> bool:
         """Tell whether to wait because people nearby may clear the way; if so, allow all detours again."""
@@ -250,18 +246,14 @@ class AttemptDriver:
             self._turned_round = True
             return True
         self._detours_left -= 1
-        self._detour = self._plan_detour(goal)
-        return self._detour is not None
-
-    def _plan_detour(self, goal: Pose) -> Pose | None:
-        """Return the via pose (3,) of a detour to a goal pose (3,), both in the odometry frame; None without any."""
         odometry = self._motion.odometry
-        ahead = relative(self._motion.odometry, goal)[:2]
+        ahead = relative(odometry, goal)[:2]
         place = find_detour(ahead, self._obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
-        if place is None:
-            return None
-        onward = ahead - place
-        return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
+        self._detour = None
+        if place is not None:
+            onward = ahead - place
+            self._detour = compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
+        return self._detour is not None
 
     def _drivable(self, wish: Twist, length_m: float, *, is_narrow: bool = False) -> Twist | None:
         """Return a collision-free command that this body can drive instead of the desired one; None without any."""

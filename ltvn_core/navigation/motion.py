@@ -61,21 +61,18 @@ class MotionExecutor:
 
     def observe(self) -> Observation:
         """Take an observation now; correct odometry if the observation shows that the wheels slipped."""
-        seen = self._fresh_observation()
+        while True:
+            try:
+                seen = self._robot.observe()
+                break
+            except RobotPausedError:  # After a pause of this program, stand still until the robot obeys again.
+                self._robot.stop()
+                self._robot.clock.advance(CONTROL_STEP_S)
         if self._slips is None:
             return seen
         seen = self._slips.see(seen)
         self._state = self._state._replace(odometry=self._mended(self._robot.state()).odometry)
         return seen
-
-    def _fresh_observation(self) -> Observation:
-        """Take an observation; after a pause of this program, stand still until the robot obeys again."""
-        while True:
-            try:
-                return self._robot.observe()
-            except RobotPausedError:
-                self._robot.stop()
-                self._robot.clock.advance(CONTROL_STEP_S)
 
     def stop(self) -> None:
         """Stop now."""
@@ -89,7 +86,17 @@ class MotionExecutor:
             raise QueryAborted(Outcome.STEP_LIMIT)
         self._robot.drive(twist)
         yield Tick()
-        yield from self._update_state()
+        felt = self._robot.state()
+        before, self._state = self._state, self._mended(felt)
+        self.steps += 1
+        self.path_m += float(np.hypot(*(self._state.odometry - before.odometry)[:2]))
+        if self._state.bumper_pressed and not before.bumper_pressed:
+            self.collisions += 1
+            yield Collided(self._query, self.collisions)
+        if self.collisions > self._limits.collision_limit:
+            raise QueryAborted(Outcome.COLLISION_LIMIT)
+        if self._slips is not None and self._slips.needs_image(felt.odometry):
+            self.observe()
 
     def wait_one_step(self) -> Iterator[Event | Tick]:
         """Stand still for one control step.
@@ -120,19 +127,6 @@ class MotionExecutor:
             yield from self.move(Twist(float(np.sign(length_m) * speed_m_s), 0.0))
             if self.collisions > collisions_before:
                 return
-
-    def _update_state(self) -> Iterator[Event]:
-        felt = self._robot.state()
-        before, self._state = self._state, self._mended(felt)
-        self.steps += 1
-        self.path_m += float(np.hypot(*(self._state.odometry - before.odometry)[:2]))
-        if self._state.bumper_pressed and not before.bumper_pressed:
-            self.collisions += 1
-            yield Collided(self._query, self.collisions)
-        if self.collisions > self._limits.collision_limit:
-            raise QueryAborted(Outcome.COLLISION_LIMIT)
-        if self._slips is not None and self._slips.needs_image(felt.odometry):
-            self.observe()
 
     def _mended(self, state: RobotState) -> RobotState:
         """Return a state of the robot with odometry corrected for wheel slips."""

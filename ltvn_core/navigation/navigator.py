@@ -11,10 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ltvn_core.config import Method
 from ltvn_core.errors import MapError
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
@@ -49,22 +47,19 @@ class Navigator:
         graph: TopologicalGraph,
         keyframes: KeyframeStore,
         predictor: Predictor,
-        method: Method,
+        system: NavigationSystem,
         rng: np.random.Generator,
         *,
-        system: NavigationSystem | None = None,
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
         actions: ActionPerformer | None = None,
     ) -> None:
         """Navigate in `graph`, with its images in `keyframes`; maintenance changes both on the way.
 
-        Without a `system`, the paper's system runs with `method`; a given `system` uses its own thresholds.
         `bystanders` are the people that the robot met before, under another navigator.
         `world_time` returns the time of the world in seconds, if the robot's clock does not show it.
         `actions` performs the actions of edges; without it, each action fails.
         """
-        system = system or ltvn_system(method)
         self._robot = robot
         self._predictor = predictor
         self._slips = SlipTracker(robot.spec.camera) if system.method.matching.mend_slips else None

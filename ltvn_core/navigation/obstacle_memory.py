@@ -128,11 +128,6 @@ def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]
     return scan.inside(bearing) & (is_again | scan.shows_past(bearing, away_m + FREE_BEYOND_M))
 
 
-def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return moving points (M, 2) and copies shifted a little to each side, where they may be next."""
-    return [moving, *(moving + side for side in _SIDES_M)] if len(moving) else []
-
-
 class _Collision(NamedTuple):
     step: FrameId
     rim: NDArray[np.float64]
@@ -261,9 +256,8 @@ class ObstacleMemory:
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []
-        known = [*self._seen, *collision_points, *_widened(self._moving), *people]
-        if not known:
-            return np.empty((0, 2))
+        moving = [self._moving, *(self._moving + side for side in _SIDES_M)]  # They may be beside their places next.
+        known = [*self._seen, *collision_points, *moving, *people]
         points = (np.concatenate(known) - odometry[:2]) @ rotation(float(odometry[2]))
         ahead, left = np.abs(points).T
         return points[(ahead < RELEVANT_RANGE_M) & (left < RELEVANT_RANGE_M)]

@@ -138,7 +138,10 @@ def find_obstruction(
     if len(new) > (1 - query.departure.needed_share) * len(solid):
         return None
     if blocked:
-        new = np.concatenate([new, _hit_unseen(query, segment[0], here)])
+        # An obstacle that was hit may be in no image, for instance behind a robot that backs up.
+        hit = transform_points(query.driver.hit_points(), here)
+        if _is_new(query, hit, segment[0], here).all():  # Not beside a known one.
+            new = np.concatenate([new, hit])
     stopped = blocked and (again or _is_on_way(query.context.graph, new, segment))
     if not stopped and len(new) < _LEAST_POINTS:
         return None
@@ -156,15 +159,6 @@ def _solid_points(query: QueryState, here: Pose) -> NDArray[np.float64]:
     depth = query.perception.observation.depth
     seen = obstacle_points(depth, spec.camera, _RANGE_M, height_m=spec.clear_height_m)
     return _thinned(transform_points(np.concatenate([seen, query.driver.solid_points()]), here))
-
-
-def _hit_unseen(query: QueryState, node: NodeId, here: Pose) -> NDArray[np.float64]:
-    """Return (M, 2) points of a collision with an obstacle that no image showed, in the frame of a node.
-
-    This happens when the robot backs up. Collisions with known obstacles, or beside them, are left out.
-    """
-    hit = transform_points(query.driver.hit_points(), here)
-    return hit if _is_new(query, hit, node, here).all() else hit[:0]
 
 
 def _is_new(query: QueryState, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:

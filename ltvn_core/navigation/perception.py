@@ -5,7 +5,7 @@ asks for the place. The places and their weights are in `graph.place_belief`. De
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -151,10 +151,6 @@ class Perception:
             return NodeMatch(reachability=0.0, distance=np.inf, waypoint=np.zeros(3))
         found = self._match(node)
         return NodeMatch(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
-
-    def matches_between(self, node: NodeId, others: Sequence[NodeId]) -> Matches:
-        """Compare the image of a node with those of others."""
-        return self._matcher.match(self._matcher.keyframes.features([node]), others)
 
     def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
         """Yield the image of a node and its neighbours in time, each with its pose (3,) in the frame of the node."""

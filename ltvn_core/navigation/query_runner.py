@@ -206,14 +206,13 @@ def _act(query: QueryState, edge: EdgeKey) -> EventGenerator[None]:
 
 def _follow(query: QueryState, localisation: Localisation, path: GraphPath) -> EventGenerator[Arrival | None]:
     """Drive to the subgoal; return the arrival if nothing is left to drive because the robot is at the goal."""
-    subgoal = 0
-    if len(path.nodes) > 1:
-        subgoal = query.context.system.subgoal(path.nodes, lambda node: query.perception.node_match(node).reachability)
-    segment = path.nodes[: subgoal + 1]
+    subgoal, perception = query.context.system.subgoal, query.perception
+    chosen = subgoal(path.nodes, lambda node: perception.node_match(node).reachability) if path.nodes[1:] else 0
+    segment = path.nodes[: chosen + 1]
     node_match = _departure(query, localisation, segment)
     if node_match is None:
-        segment = path.nodes[:1]
-        node_match = query.perception.node_match(path.nodes[0])
+        segment = segment[:1]
+        node_match = perception.node_match(segment[0])
     source, target = _ends(segment)
     query.approached = target if source is None else None
     query.departure = departure(query, localisation)

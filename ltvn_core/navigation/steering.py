@@ -59,7 +59,8 @@ def steer(
     away_m = float(np.hypot(error[0], error[1]))
     ahead_m = -error[0] if backwards else error[0]
     if away_m < reached_m or (away_m < _PASSED_M and ahead_m < 0):
-        return _turn_to(float(error[2]))
+        yaw_rad = float(error[2])
+        return None if abs(yaw_rad) < REACHED_RAD else Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad))
     bearing = float(np.arctan2(error[1], error[0]))
     if backwards:
         bearing = float(wrap_angle(bearing + np.pi))
@@ -140,10 +141,6 @@ class TurningCircle:
         radius_m = self._limits.turning_radius_m
         speed = min(_ARC_M_S, abs(wish.angular_rad_s) * radius_m)
         return Twist(speed if self._forwards else -speed, float(np.sign(wish.angular_rad_s)) * speed / radius_m)
-
-
-def _turn_to(yaw_rad: float) -> Twist | None:
-    return None if abs(yaw_rad) < REACHED_RAD else Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad))
 
 
 def _limited(rate_rad_s: float) -> float:

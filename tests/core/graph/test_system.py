@@ -49,9 +49,9 @@ class Drive:
 
     def go(self, query: int = 0) -> QueryResult:
         goal = self.images[-1].step
-        parts = self.robot, self.graph, self.keyframes, self.predictor, ROBUST, np.random.default_rng(0)
+        parts = self.robot, self.graph, self.keyframes, self.predictor, self.system, np.random.default_rng(0)
         return run_query(
-            Navigator(*parts, system=self.system),
+            Navigator(*parts),
             goal,
             query,
             advance=self.robot.advance,

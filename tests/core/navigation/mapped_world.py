@@ -14,6 +14,7 @@ from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import Event
@@ -39,7 +40,8 @@ class MappedWorld:
     poses: dict[NodeId, Pose]
 
     def navigator(self) -> Navigator:
-        return Navigator(self.robot, self.graph, self.keyframes, self.predictor, self.method, np.random.default_rng(0))
+        system, rng = ltvn_system(self.method), np.random.default_rng(0)
+        return Navigator(self.robot, self.graph, self.keyframes, self.predictor, system, rng)
 
     def go(self, goal: NodeId, query: int = 0, navigator: Navigator | None = None) -> tuple[QueryResult, list[Event]]:
         events: list[Event] = []

@@ -100,9 +100,8 @@ class DoorWorld(MappedWorld):
             self.graph,
             self.keyframes,
             self.predictor,
-            self.method,
+            self.system,
             np.random.default_rng(0),
-            system=self.system,
         )
 
     def change(self, *walls: list[list[float]]) -> None:

@@ -11,6 +11,7 @@ from ltvn_core.config import ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import (
@@ -67,7 +68,7 @@ class Lift:
 
 
 def navigator(place: MappedWorld, actions: Lift | None) -> Navigator:
-    parts = place.robot, place.graph, place.keyframes, place.predictor, place.method
+    parts = place.robot, place.graph, place.keyframes, place.predictor, ltvn_system(place.method)
     return Navigator(*parts, np.random.default_rng(0), actions=actions)
 
 

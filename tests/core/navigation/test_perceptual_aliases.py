@@ -59,7 +59,7 @@ def drive(method: Method, start_x: float, goal_x: float) -> tuple[QueryResult, T
     goal = min(ahead, key=lambda node: abs(poses[node][0] - goal_x))
     robot = FlatRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
     method = replace(method, maintain=False)
-    navigator = Navigator(robot, graph, keyframes, predictor, method, np.random.default_rng(0))
+    navigator = Navigator(robot, graph, keyframes, predictor, ltvn_system(method), np.random.default_rng(0))
     episode = run_query(
         navigator,
         goal,

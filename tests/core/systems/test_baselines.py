@@ -196,7 +196,7 @@ def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list
     nodes = list(graph.nodes)
     simulation = open_simulation("demo", seed=0, first_step=10_000, start=poses[nodes[0]])
     robot = simulation.robot
-    navigator = Navigator(robot, graph, keyframes, predictor, ROBUST, np.random.default_rng(0), system=system)
+    navigator = Navigator(robot, graph, keyframes, predictor, system, np.random.default_rng(0))
     for query, goal in enumerate([nodes[len(nodes) // 3], nodes[2 * len(nodes) // 3]]):
         episode = run_query(
             navigator,

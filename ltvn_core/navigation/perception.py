@@ -5,7 +5,7 @@ asks for the place. The places and their weights are in `graph.place_belief`. De
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -152,25 +152,18 @@ class Perception:
         found = self._match(node)
         return NodeMatch(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
 
-    def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
-        """Yield the image of a node and its neighbours in time, each with its pose (3,) in the frame of the node."""
-        keyframes = self._matcher.keyframes
-        odometry = keyframes.observation(node).odometry
-        for frame in (node, *keyframes.temporal_window(node, reach)):
-            image = keyframes.observation(frame)
-            yield image, relative(odometry, image.odometry)
-
     def mapped_points(
         self, nodes: Mapping[NodeId, Pose], reach: int, read: Callable[[Observation], NDArray[np.float64]]
     ) -> NDArray[np.float64]:
         """Return points (M, 2) that `read` finds in the images of nodes and in their neighbours in time, in the frame
         in which the nodes have these poses (3,)."""
-        seen = [
-            transform_points(read(image), compose(pose, beside))
-            for node, pose in nodes.items()
-            for image, beside in self.observations_around(node, reach)
-        ]
-        return np.concatenate([np.empty((0, 2)), *seen])
+        keyframes = self._matcher.keyframes
+        seen = [np.empty((0, 2))]
+        for node, pose in nodes.items():
+            odometry = keyframes.observation(node).odometry
+            for image in map(keyframes.observation, (node, *keyframes.temporal_window(node, reach))):
+                seen.append(transform_points(read(image), compose(pose, relative(odometry, image.odometry))))
+        return np.concatenate(seen)
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
         """Compare the current observation with a node; r is lowered to what the node's neighbours in time support."""

@@ -59,6 +59,8 @@ _AT_NODE_DISTANCE = 0.3
 """Greatest d at which a node is not approached before its successor."""
 _AT_START_M = 0.1
 """Driven distance up to which the robot is where it began to localise, in metres."""
+_LEAST_P = 1e-3
+"""Lower limit of the probability that an edge is open."""
 
 
 def run(query: QueryState) -> EventGenerator[Arrival]:
@@ -133,7 +135,6 @@ def _plan(query: QueryState, start: NodeId) -> EventGenerator[GraphPath]:
     """Find the cheapest path; if there is none, let the system extend the map."""
     yield from query.enter(NavigatorState.PLANNING)
     context = query.context
-    query = query
     path = _plan_now(query, start)
     if (
         not path.nodes
@@ -148,6 +149,32 @@ def _plan(query: QueryState, start: NodeId) -> EventGenerator[GraphPath]:
     query.plan = path.nodes
     yield Planned(query.number, path.nodes, path.cost, query.place_p())
     return path
+
+
+def _plan_now(query: QueryState, start: NodeId) -> GraphPath:
+    """Return the path to take from a node to the goal now."""
+    context = query.context
+    penalties = with_blind_costs(context.graph, query.penalties, query.place_p())
+    open_now = context.system.presence.probabilities(context.graph, query.now_s)
+    open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
+    if not open_now:
+        return context.planner.plan(start, query.goal, penalties)
+    path = plan_by_presence(
+        context.planner,
+        start,
+        query.goal,
+        penalties,
+        open_now,
+        belief_weight=query.method.planning.belief_weight,
+        tries=query.obstructions,
+    )
+    if path.nodes or query.obstructions >= MOST_OBSTRUCTIONS:
+        return path
+    # A few times per query, the robot takes the path that is most probably open although some edges seem closed.
+    costs = dict(query.penalties)
+    for edge, p in open_now.items():
+        costs[edge] = costs.get(edge, 0.0) - query.method.planning.belief_weight * math.log(max(p, _LEAST_P))
+    return context.planner.plan(start, query.goal, costs)
 
 
 def _until_action(query: QueryState, path: GraphPath) -> GraphPath:
@@ -271,7 +298,6 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
         query.number, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
     )
     try:
-        query = query
         known = query.surveyed_waypoint(target) if source is None else query.known_waypoint(target, LIKELY)
         # The two images of an edge that only odometry supports may show nothing in common.
         edges = query.context.graph.edges
@@ -292,9 +318,8 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
     if source is not None and usable:
         yield from learn_from_attempt(query, attempt, segment, node_match, verdict, result)
     elif source is not None:
-        query.record_failures(
-            itertools.pairwise(segment)
-        )  # So that it is not driven without end; the map stays as it is.
+        # So that it is not driven without end; the map stays as it is.
+        query.record_failures(itertools.pairwise(segment))
     elif query.context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
         query.doubted.add(target)  # The way to the target is blocked, so the robot is probably not there.
     return result
@@ -324,33 +349,3 @@ def _ends(segment: Sequence[NodeId]) -> tuple[NodeId | None, NodeId]:
     """Return the source and the target of an attempt; an approach of a single node has no source."""
     source = None if len(segment) == 1 else segment[0]
     return source, segment[-1]
-
-
-_LEAST_P = 1e-3
-"""Lower limit of the probability that an edge is open."""
-
-
-def _plan_now(query: QueryState, start: NodeId) -> GraphPath:
-    """Return the path to take from a node to the goal now."""
-    context = query.context
-    penalties = with_blind_costs(context.graph, query.penalties, query.place_p())
-    open_now = context.system.presence.probabilities(context.graph, query.now_s)
-    open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
-    if not open_now:
-        return context.planner.plan(start, query.goal, penalties)
-    path = plan_by_presence(
-        context.planner,
-        start,
-        query.goal,
-        penalties,
-        open_now,
-        belief_weight=query.method.planning.belief_weight,
-        tries=query.obstructions,
-    )
-    if path.nodes or query.obstructions >= MOST_OBSTRUCTIONS:
-        return path
-    # A few times per query, the robot takes the path that is most probably open although some edges seem closed.
-    costs = dict(query.penalties)
-    for edge, p in open_now.items():
-        costs[edge] = costs.get(edge, 0.0) - query.method.planning.belief_weight * math.log(max(p, _LEAST_P))
-    return context.planner.plan(start, query.goal, costs)

@@ -95,7 +95,8 @@ class AttemptDriver:
         self._config = config
         self._spec = spec
         patient = config.patience_s > 0
-        self._obstacles = ObstacleMemory(spec, bystanders=(bystanders or Bystanders()) if patient else None)
+        self.obstacles = ObstacleMemory(spec, bystanders=(bystanders or Bystanders()) if patient else None)
+        """What recent images and collisions showed around the robot."""
         self._patience_steps = 0
         self._backwards = self._turned_round = False
         self._behind = np.empty((0, 2))
@@ -136,12 +137,12 @@ class AttemptDriver:
             if isinstance(twist, AttemptEnd):
                 return AttemptResult(twist, step, goal)
             may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
-            if may_wait and self._obstacles.moves_ahead(motion.odometry):
+            if may_wait and self.obstacles.moves_ahead(motion.odometry):
                 yield from self._wait()
                 continue
             yield from motion.move(twist)
             if motion.collisions > collisions_before or (step == 0 and motion.in_collision and twist.linear_m_s):
-                self._obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
+                self.obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
         return AttemptResult(AttemptEnd.TIMEOUT, most_steps, goal)
@@ -150,7 +151,7 @@ class AttemptDriver:
         """Tell whether to wait because people nearby may clear the way; if so, allow all detours again."""
         if self._patience_steps <= 0:
             return False
-        people = transform_points(self._obstacles.people(self._motion.stamp), invert(self._motion.odometry))
+        people = transform_points(self.obstacles.people(self._motion.stamp), invert(self._motion.odometry))
         if not ((people[:, 0] > 0) & (np.hypot(*people.T) < _WAITED_FOR_M)).any():
             return False
         self._detour = None
@@ -161,7 +162,7 @@ class AttemptDriver:
         for _ in range(_LOOK_AGAIN_STEPS):
             yield from self._motion.wait_one_step()
         self._patience_steps -= _LOOK_AGAIN_STEPS
-        self._obstacles.add(self._perception.observation)
+        self.obstacles.add(self._perception.observation)
 
     def _needs_new_waypoint(self, step: int, goal: Pose) -> bool:
         if self._turned_round:
@@ -177,7 +178,7 @@ class AttemptDriver:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
-        about = self._obstacles.people_are_about(self._motion.stamp)
+        about = self.obstacles.people_are_about(self._motion.stamp)
         is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
         self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
@@ -230,7 +231,7 @@ class AttemptDriver:
         """
         if not self._config.swerve or self._backwards or self._spec.speeds.turning_radius_m:
             return aim, False
-        points = self._obstacles.nearby_points(self._motion.odometry)
+        points = self.obstacles.nearby_points(self._motion.odometry)
         place, is_narrow = drivable_aim(aim[:2], points, radius_m=self._spec.clear_radius_m)
         return np.array([*place, aim[2]]), is_narrow
 
@@ -248,7 +249,7 @@ class AttemptDriver:
         self._detours_left -= 1
         odometry = self._motion.odometry
         ahead = relative(odometry, goal)[:2]
-        place = find_detour(ahead, self._obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
+        place = find_detour(ahead, self.obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
         self._detour = None
         if place is not None:
             onward = ahead - place
@@ -286,9 +287,9 @@ class AttemptDriver:
             return twist
         odometry = self._motion.odometry
         backwards = twist.linear_m_s < 0
-        if self._obstacles.is_outdated(odometry, self._motion.stamp):
-            self._obstacles.add(self._perception.observation)
-        points = self._obstacles.nearby_points(odometry, backwards=backwards)
+        if self.obstacles.is_outdated(odometry, self._motion.stamp):
+            self.obstacles.add(self._perception.observation)
+        points = self.obstacles.nearby_points(odometry, backwards=backwards)
         if backwards and self._backwards:
             points = np.concatenate([points, transform_points(self._behind, invert(odometry))])
         twist = self._careful(twist)
@@ -299,17 +300,13 @@ class AttemptDriver:
     def _careful(self, twist: Twist) -> Twist:
         """Return a command slowed down near people; people whom the robot has passed are ignored."""
         odometry = self._motion.odometry
-        people = transform_points(self._obstacles.people(self._motion.stamp), invert(odometry))
+        people = transform_points(self.obstacles.people(self._motion.stamp), invert(odometry))
         people = people[people[:, 0] * np.sign(twist.linear_m_s) > 0]
         if not len(people):
             return twist
         gap_m = float(np.hypot(*people.T).min()) - self._spec.radius_m - BODY_M
         limit = _SLOW_M_S + _SLOWER_1_S * max(gap_m - _CAREFUL_M, 0.0)
         return Twist(float(np.clip(twist.linear_m_s, -limit, limit)), twist.angular_rad_s)
-
-    def solid_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) solid points near the robot that recent images showed, in the robot's frame."""
-        return self._obstacles.nearby_points(self._motion.odometry, keeping_from_people=False)
 
     def wander(self, length_m: float) -> Generator[Event | Tick, None, None]:
         """Drive straight on at half speed while the path is free; stop when a person approaches."""
@@ -318,17 +315,13 @@ class AttemptDriver:
             yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=self._nobody_comes)
 
     def _nobody_comes(self) -> bool:
-        if not self._obstacles.people_are_about(self._motion.stamp):
+        if not self.obstacles.people_are_about(self._motion.stamp):
             return True
         ahead = Twist(self._config.speed_m_s / 2, 0.0)
         return self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
-    def hit_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) points of the last collision, in the robot's frame; none if it was long ago."""
-        return self._obstacles.hit_points(self._motion.odometry)
-
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
-        if self._obstacles.people_are_about(self._motion.stamp):
+        if self.obstacles.people_are_about(self._motion.stamp):
             return  # The camera looks the other way, so the robot stands still and touches nobody.
         length_m = _BACK_OFF_M if backwards else -_BACK_OFF_M
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)

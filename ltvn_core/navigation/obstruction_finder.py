@@ -139,7 +139,7 @@ def find_obstruction(
         return None
     if blocked:
         # An obstacle that was hit may be in no image, for instance behind a robot that backs up.
-        hit = transform_points(query.driver.hit_points(), here)
+        hit = transform_points(query.driver.obstacles.hit_points(query.motion.odometry), here)
         if _is_new(query, hit, segment[0], here).all():  # Not beside a known one.
             new = np.concatenate([new, hit])
     stopped = blocked and (again or _is_on_way(query.context.graph, new, segment))
@@ -158,7 +158,8 @@ def _solid_points(query: QueryState, here: Pose) -> NDArray[np.float64]:
     spec = query.context.spec
     depth = query.perception.observation.depth
     seen = obstacle_points(depth, spec.camera, _RANGE_M, height_m=spec.clear_height_m)
-    return _thinned(transform_points(np.concatenate([seen, query.driver.solid_points()]), here))
+    remembered = query.driver.obstacles.nearby_points(query.motion.odometry, keeping_from_people=False)
+    return _thinned(transform_points(np.concatenate([seen, remembered]), here))
 
 
 def _is_new(query: QueryState, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:

@@ -87,16 +87,9 @@ def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_
     predictor, graph = FlatPredictor(world), TopologicalGraph()
     keyframes, system, robot = KeyframeStore(predictor), ltvn_system(ROBUST), FlatRobot(world, [1.0, 1.0, 0.0])
     matcher = Matcher(predictor, keyframes, ROBUST.matching)
-    context = NavigationContext(
-        graph=graph,
-        keyframes=keyframes,
-        system=system,
-        rng=np.random.default_rng(0),
-        spec=robot.spec,
-        matcher=matcher,
-        planner=Planner(graph, ROBUST.planning, weight=system.edge_weight),
-        bystanders=Bystanders(),
-    )
+    planner = Planner(graph, ROBUST.planning, weight=system.edge_weight)
+    rng = np.random.default_rng(0)
+    context = NavigationContext(graph, keyframes, system, rng, robot.spec, matcher, planner, Bystanders())
     motion = MotionExecutor(robot, 0, ROBUST.recovering)
     query = QueryState(context, motion, Perception(motion, predictor, matcher), goal=5, number=0)
     for _ in range(ROBUST.localising.doubt_after_failures):

@@ -112,7 +112,7 @@ def test_too_many_collisions_end_the_query() -> None:
 
 @pytest.mark.slow
 def test_the_depth_image_stops_the_robot_before_it_collides() -> None:
-    place = mapped_corridor(replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=200)))
+    place = mapped_corridor(replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=100)))
     wall_x = 2.1
 
     class Seeing(FlatRobot):

@@ -17,16 +17,21 @@ from ltvn_core.terminal_text import which_name
 class MatchingConfig:
     """Comparison of two images."""
 
-    both_directions: bool = True
-    """Predict a pair in both directions and keep the more reachable result, with an inverted waypoint if needed. This
-    is our reading of the paper's "only targets in front are positive, the way back is driven in reverse", in both
-    presets."""
+    reverse_within: float = 1.5
+    """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours). The
+    more reachable result is kept, with an inverted waypoint if needed: our reading of the paper's "only targets in front
+    are positive, the way back is driven in reverse". With 0, pairs are predicted in one direction."""
     temporal_support: bool = True
     """Limit r to the median over the frames before and after both images (ours)."""
     mend_slips: bool = True
     """Correct odometry if two consecutive depth images show that the wheels slipped (ours)."""
     closure_reach: int = 10
     """Number of images around both ends that are compared to confirm an edge between two passes; 0 = off (ours)."""
+
+    @property
+    def both_directions(self) -> bool:
+        """Whether near pairs are predicted in both directions, so that an edge also leads back."""
+        return self.reverse_within > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +224,7 @@ ROBUST = Method()
 """The default: the paper's method with the departures that are needed according to measurements."""
 
 PAPER = Method(
-    matching=MatchingConfig(temporal_support=False, mend_slips=False, closure_reach=0),
+    matching=MatchingConfig(reverse_within=2.5, temporal_support=False, mend_slips=False, closure_reach=0),
     building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,

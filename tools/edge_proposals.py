@@ -17,7 +17,7 @@ from ltvn_core.config import Method
 from ltvn_core.evaluation.edge_driver import EdgeProposal, ImagedScene
 from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.matching import REVERSE_WITHIN, Matcher, Matches
+from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable
 from ltvn_core.network.pair_evaluation import predict_pairs
@@ -190,7 +190,7 @@ def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[ND
     r, ahead = drive.predicted
     if not method.matching.both_directions:
         return r, ahead
-    backwards = (r < r.T) & (distance(ahead) < REVERSE_WITHIN)
+    backwards = (r < r.T) & (distance(ahead) < method.matching.reverse_within)
     back = invert(np.swapaxes(ahead, 0, 1))
     return np.where(backwards, r.T, r), np.where(backwards[..., None], back, ahead)
 

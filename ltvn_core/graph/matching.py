@@ -16,9 +16,6 @@ from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Wa
 
 _SUPPORT_GAP = 0.8
 """Greatest d by odometry of two frames of a recording that count as neighbours in time."""
-REVERSE_WITHIN = 1.5
-"""Greatest d, as predicted in one direction, of a pair that is also predicted in the other one: the largest D_c and D_l
-of any preset. What lies beyond is no candidate for an edge or a place."""
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
 """Number of nodes up to which both directions are compared in one call."""
 
@@ -157,7 +154,7 @@ class Matcher:
         """Compare the near nodes with the image too, and keep the answer with the higher r."""
         # The network measures a motion by aligning both images, so its waypoint is right even where r is low, and only
         # the nodes that are near by this waypoint need the second comparison.
-        close = np.flatnonzero(found.distances < REVERSE_WITHIN)
+        close = np.flatnonzero(found.distances < self._config.reverse_within)
         if not len(close):
             return found
         if answered is None:

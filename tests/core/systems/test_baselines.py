@@ -152,7 +152,7 @@ def test_vings_edges_weigh_the_steps_between_their_images() -> None:
 def test_ving_joins_a_drive_where_the_network_sees_no_way() -> None:
     images = [observation_at(np.array([0.6, 1.0, 0.0]), 0), observation_at(np.array([4.0, 3.0, 3.0]), 1)]
     for both in (True, False):
-        system = VING.factory(replace(ROBUST, matching=replace(ROBUST.matching, both_directions=both)))
+        system = VING.factory(replace(ROBUST, matching=replace(ROBUST.matching, reverse_within=1.5 if both else 0.0)))
         graph, _, _ = mapped(system, images, FlatPredictor(one_room()))
         assert set(graph.edges) == ({(0, 1), (1, 0)} if both else {(0, 1)})
         assert system.edge_weight(graph.edges[0, 1].belief) == pytest.approx(1.0)

@@ -18,9 +18,10 @@ class MatchingConfig:
     """Comparison of two images."""
 
     reverse_within: float = 1.5
-    """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours). The
-    more reachable result is kept, with an inverted waypoint if needed: our reading of the paper's "only targets in front
-    are positive, the way back is driven in reverse". With 0, pairs are predicted in one direction."""
+    """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours).
+
+    The more reachable result is kept, with an inverted waypoint if needed: our reading of the paper's "only targets in
+    front are positive, the way back is driven in reverse". With 0, pairs are predicted in one direction."""
     temporal_support: bool = True
     """Limit r to the median over the frames before and after both images (ours)."""
     mend_slips: bool = True

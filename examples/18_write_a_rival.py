@@ -1,8 +1,8 @@
 """Write a rival: a navigation system that keeps images of the drive and joins them by rules of your own.
 
-This one keeps every fifth image, joins it to the next and to all that the predictor calls reachable, takes the plan
-with the fewest edges, and stands at the most reachable image. To compare it by `ltvn evaluate --system every-fifth`,
-name `EVERY_FIFTH` in your package's entry points `ltvn.systems`.
+This one keeps every third image, joins it to the next and to all that the predictor calls reachable, takes the plan
+with the fewest edges, and stands at the most reachable image. To compare it by `ltvn evaluate --system every-third`,
+name `EVERY_THIRD` in your package's entry points `ltvn.systems`.
 """
 
 import itertools
@@ -19,9 +19,9 @@ from ltvn_core.systems.rival import DriveImages, EdgeCandidate, localise_at_most
 LEAST_REACHABILITY = 0.9
 
 
-def keep_every_fifth(drive: DriveImages) -> tuple[list[int], Iterator[EdgeCandidate]]:
+def keep_every_third(drive: DriveImages) -> tuple[list[int], Iterator[EdgeCandidate]]:
     """Return the rows that become nodes, goals among them, and the edges between them."""
-    kept = sorted({*drive.rows[::5], *drive.goals})
+    kept = sorted({*drive.rows[::3], *drive.goals})
     onward = set(itertools.pairwise(range(len(kept))))
     return kept, (
         EdgeCandidate(kept[a], kept[b], found.reachability[b], found.waypoints[b])
@@ -31,8 +31,8 @@ def keep_every_fifth(drive: DriveImages) -> tuple[list[int], Iterator[EdgeCandid
     )
 
 
-EVERY_FIFTH = rival(
-    "every-fifth", "Every fifth", keeps=keep_every_fifth, weighs=hop_cost, localises=localise_at_most_reachable
+EVERY_THIRD = rival(
+    "every-third", "Every third", keeps=keep_every_third, weighs=hop_cost, localises=localise_at_most_reachable
 )
 
 
@@ -42,7 +42,7 @@ def main(scene: str, queries: int = 2) -> None:
     rng = np.random.default_rng(0)
     drive = list(drive_tour(simulation.robot, simulation.scene, rng, loops=1))
     oracle = ltvn.open_predictor("oracle", scene)
-    known = ltvn.build_map(drive, predictor=oracle, system=EVERY_FIFTH.factory(ltvn.ROBUST), scene=scene)
+    known = ltvn.build_map(drive, predictor=oracle, system=EVERY_THIRD.factory(ltvn.ROBUST), scene=scene)
 
     navigator = known.navigator(simulation.robot)
     for number, goal in enumerate(rng.choice(list(known.graph.nodes), queries, replace=False).tolist()):

@@ -8,13 +8,15 @@ from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.sole_writer import sole_user
 from ltvn_core.systems.entry import TemporalLearning
-from ltvn_core.systems.registry import baseline_systems, system_entry
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_summary
+from ltvn_core.verbs.option_types import DeviceOption, SystemName
+from ltvn_core.verbs.outputs import FilledFolder
+from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
     from ltvn_core.network.baseline_training import BaselineCard
     from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
-    from ltvn_core.verbs.train import TrainVerb
 
 _MINUTES = 8.0
 
@@ -37,11 +39,39 @@ class RivalSummary:
     """Figures of the new weights, by the rival's labels."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class LearningOptions(Verb):
+    """Options of every training."""
+
+    data: Path = Path("data")
+    """The folder of `ltvn dataset`; labelled pairs of the test scenes are stored in its subfolder `unseen`, walks in
+    `walks`, one file per scene, made where they are missing and used by all rivals."""
+    system: SystemName = DEFAULT_SYSTEM
+    """Another system trains its network on its own temporal labels, on random walks. SPTM: whether two images are close
+    in time. ViNG: the time from one image to the other. SoRB: the same, by an ensemble of three. HTM: which of many
+    images comes soon after."""
+    fresh: bool = False
+    """With --system: start from random weights, as in the paper, instead of from the shipped weights; 1,500 steps are a
+    good start."""
+    work: FilledFolder | None = None
+    """Folder for checkpoints, curves and validation figures; by default data/training, or with --system a folder below
+    the walks."""
+    minutes: float | None = None
+    """Time for training, in minutes; by default 45, or 8 with --system."""
+    steps: int | None = None
+    """Train for this number of steps instead; takes longer on a slower machine, but gives the same weights."""
+    processes: int | None = None
+    """With --system: number of scenes that are rendered at the same time, by default two."""
+    device: DeviceOption = "auto"
+    seed: int = 0
+    """Seed of initial weights, walks, pairs, batches and augmentation."""
+
+
 @dataclass(frozen=True)
 class RivalTraining:
     """The training of one system's network, written to `output`."""
 
-    options: "TrainVerb"
+    options: LearningOptions
     output: Path
 
     def run(self) -> RivalSummary:
@@ -56,9 +86,8 @@ class RivalTraining:
         below = _below(learning)
         work = self.options.work or self.options.data / "walks" / self.options.system
         with sole_user(work):
-            result = train(
-                data, plan, work, start=self._start(learning, work), device=choose_device(self.options.device)
-            )
+            start, device = self._start(learning, work), choose_device(self.options.device)
+            result = train(data, plan, work, start=start, device=device)
         learned = result.weights
         if below is not None:  # The file holds the added layers alone, in half precision; that is what is measured.
             learned = result.weights.with_name("added.safetensors")
@@ -82,10 +111,8 @@ class RivalTraining:
         learning = system_entry(self.options.system).learning
         trained = [entry.name for entry in baseline_systems()]
         if learning is None or self.options.system not in trained:
-            raise OptionError(
-                f"{self.options.system} has no network that can be trained for a given time; these have one: "
-                f"{', '.join(trained)}."
-            )
+            known = ", ".join(trained)
+            raise OptionError(f"{self.options.system} has no network to train; these systems have one: {known}.")
         if not (self._given_minutes > 0 and (self.options.steps is None or self.options.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.options.fresh and _below(learning):
@@ -150,7 +177,9 @@ class RivalTraining:
 
         start = None if self.options.fresh else SHIPPED_WEIGHTS
         shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
-        length = f"--minutes {self._given_minutes:g}" if self.options.steps is None else f"--steps {self.options.steps}"
+        asked = self.options
+        length = f"--minutes {self._given_minutes:g}" if asked.steps is None else f"--steps {asked.steps}"
+        command = f"ltvn train --system {asked.system} --output {self.output.name} {length}{' --fresh' * asked.fresh}"
         return BaselineCard(
             self.options.system,
             start and weights_fingerprint(start),
@@ -161,11 +190,7 @@ class RivalTraining:
             result.steps,
             result.pairs,
             result.seconds / 60,
-            (
-                f"ltvn train --system {self.options.system} --output {self.output.name} "
-                f"{length}{' --fresh' * self.options.fresh} "
-                f"--seed {self.options.seed}",
-            ),
+            (f"{command} --seed {asked.seed}",),
             evaluate_baseline(load_predictor(start), data.validation) if start else None,
             evaluate_baseline(load_predictor(learned), data.validation),
         )

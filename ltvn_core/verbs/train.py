@@ -19,10 +19,9 @@ from ltvn_core.training.held_out_scenes import (
     measure_network,
     training_data_summary,
 )
-from ltvn_core.verbs.option_types import DeviceOption, SystemName
-from ltvn_core.verbs.outputs import FilledFolder, NewWeights
-from ltvn_core.verbs.rival_training import RivalTraining
-from ltvn_core.verbs.verb import Summary, Verb
+from ltvn_core.verbs.outputs import NewWeights
+from ltvn_core.verbs.rival_training import LearningOptions, RivalTraining
+from ltvn_core.verbs.verb import Summary
 
 if TYPE_CHECKING:
     from ltvn_core.network.model_card import HeldOutMetrics, InferenceSpeed, ModelCard
@@ -64,38 +63,16 @@ class NetworkEvaluationSummary(NetworkMetrics):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainVerb(Verb):
+class TrainVerb(LearningOptions):
     """Train the network on a dataset, or with --system that of a rival on random walks; continues from the checkpoint
     in `work` if there is one."""
 
-    data: Path = Path("data")
-    """The folder of `ltvn dataset`; labelled pairs of the test scenes are stored in its subfolder `unseen`, walks in
-    `walks`, one file per scene, made where they are missing and used by all rivals."""
-    system: SystemName = DEFAULT_SYSTEM
-    """Another system trains its network on its own temporal labels, on random walks. SPTM: whether two images are close
-    in time. ViNG: the time from one image to the other. SoRB: the same, by an ensemble of three. HTM: which of many
-    images comes soon after."""
-    fresh: bool = False
-    """With --system: start from random weights, as in the paper, instead of from the shipped weights; 1,500 steps are a
-    good start."""
     architecture: Literal["aligned-pairs", "stacked"] = "aligned-pairs"
     """The network: matches and aligns tokens of the two images, or the paper's plain network on both images stacked."""
     output: NewWeights | None = None
     """The weights to write; a card is written beside them."""
-    work: FilledFolder | None = None
-    """Folder for checkpoints, curves and validation figures; by default data/training, or with --system a folder below
-    the walks."""
-    minutes: float | None = None
-    """Time for training, in minutes; by default 45, or 8 with --system."""
-    steps: int | None = None
-    """Train for this number of steps instead; takes longer on a slower machine, but gives the same weights."""
-    processes: int | None = None
-    """With --system: number of scenes that are rendered at the same time, by default two."""
-    device: DeviceOption = "auto"
     bfloat16: bool = False
     """Train in mixed precision: faster on a graphics card or processor made for bfloat16, and other weights."""
-    seed: int = 0
-    """Seed of initial weights, walks, pairs, batches and augmentation."""
     evaluate: bool = False
     """Do not train; measure existing weights."""
     weights: Path | None = None

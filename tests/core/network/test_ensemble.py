@@ -154,12 +154,12 @@ def test_features_of_the_other_network_are_refused(predictor: NetworkPredictor) 
 
 
 @pytest.mark.parametrize(("saved", "other"), [(SMALL, SMALL_STACKED), (SMALL_STACKED, SMALL)])
-def test_a_checkpoint_of_the_other_architecture_is_refused_by_name(
+def test_a_checkpoint_of_the_other_architecture_is_refused(
     tmp_path: Path, saved: PairArchitecture | StackedArchitecture, other: PairArchitecture | StackedArchitecture
 ) -> None:
     path = tmp_path / "c.safetensors"
     save_checkpoint(Trainer(PLAN, saved), path, seconds=0.0)
-    with pytest.raises(WeightsError, match=f"architecture '{saved.name}', not '{other.name}'"):
+    with pytest.raises(WeightsError, match="other training settings"):
         restore_checkpoint(Trainer(PLAN, other), path)
 
 

@@ -128,7 +128,8 @@ def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Se
         return builder.build()
     errors = waypoint_errors(edges, poses)
     away_m, turned_deg = np.hypot(errors[:, 0], errors[:, 1]), np.degrees(np.abs(errors[:, 2]))
-    wrong = sorted(np.flatnonzero(misplaced(errors)).tolist(), key=lambda row: -away_m[row])
+    judged = zip(edges, away_m.tolist(), turned_deg.tolist(), misplaced(errors), strict=True)
+    wrong = sorted(((edge, away, turned) for edge, away, turned, is_off in judged if is_off), key=lambda row: -row[1])
     limits = f"more than {MISPLACED_M} m or {math.degrees(MISPLACED_RAD):.0f}°"
     builder.add_line(Key(palette.EDGE_REMOVED, f"lead elsewhere, by {limits}: {len(wrong)} of {len(edges)} edges"))
     builder.add_line(
@@ -138,17 +139,11 @@ def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Se
     nodes = builder.add_selected_edge(selection)
     if wrong:
         rows = [
-            (
-                edge_link(edge.source, edge.target),
-                f"{edge.belief.p:.2f}",
-                f"{away_m[row]:.2f}",
-                f"{turned_deg[row]:.0f}",
-            )
-            for row, edge in [(row, edges[row]) for row in wrong[:_SPURIOUS]]
+            (edge_link(edge.source, edge.target), f"{edge.belief.p:.2f}", f"{away:.2f}", f"{turned:.0f}")
+            for edge, away, turned in wrong[:_SPURIOUS]
         ]
         builder.add_table(("leads elsewhere", "p", "off by m", "and by °"), rows)
-    ends = [(poses[edges[row].source], poses[edges[row].target]) for row in wrong]
-    strokes = tuple(stroke(start, end, palette.EDGE_REMOVED) for start, end in ends)
+    strokes = tuple(stroke(poses[edge.source], poses[edge.target], palette.EDGE_REMOVED) for edge, *_ in wrong)
     return builder.build(Overlay(strokes=strokes, nodes=nodes))
 
 

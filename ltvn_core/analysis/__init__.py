@@ -12,7 +12,7 @@ from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.localisation_confidence import find_perceptual_aliases
 from ltvn_core.analysis.map_comparison import compare_maps, map_metrics
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.event_table import describe_event
 
 __all__ = [
     "Timeline",

@@ -17,7 +17,7 @@ from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation import events as e
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.event_table import describe_event
 
 
 class RuleUse(NamedTuple):

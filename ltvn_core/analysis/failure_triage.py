@@ -17,7 +17,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.event_table import describe_event
 from ltvn_core.navigation.events import (
     ActionEnded,
     AttemptEnd,

@@ -11,7 +11,6 @@ from copy import copy
 from typing import Self
 
 from ltvn_core.analysis.map_history import GraphHistory, MapHistory
-from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress, apply_event
 from ltvn_core.analysis.recorded_frames import RecordedFrames
 from ltvn_core.analysis.timeline_records import (
     AttemptRecord,
@@ -26,7 +25,9 @@ from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
 from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.deltas import Cause, NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.event_table import describe_event
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.navigation.progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.types import FrameId, NodeId, Pose
 
 
@@ -284,7 +285,7 @@ class Timeline:
             self._maps.append(number, Instant(stamped.step, stamp), event, seen_from)
             if number in self._maps.begun_by:
                 before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
-        self._progress.append(apply_event(before, event))
+        self._progress.append(describe_event(event, before).after)
         self._stamps.append(stamp)
         self._events.append(stamped)
 
@@ -302,7 +303,7 @@ class Timeline:
         instant = self.instant(number)
         if isinstance(event, GraphChanged) and (epoch := self._maps.begun_by.get(number)) is not None:
             self._known_rows.begin_map(number, instant, event.delta.cause, epoch)
-        self._known_rows.take(number, instant, event)
+        self._known_rows.take(number, instant, event, self.progress_before(number))
 
 
 def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:

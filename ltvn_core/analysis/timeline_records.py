@@ -5,14 +5,12 @@ makes the rows, and `analysis.timeline` looks them up.
 """
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.event_table import MarkKind, describe_event
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
@@ -23,6 +21,7 @@ from ltvn_core.navigation.events import (
     Planned,
     QueryEnded,
 )
+from ltvn_core.navigation.progress import edges_between
 from ltvn_core.types import FrameId, NodeId
 
 
@@ -32,32 +31,6 @@ class Instant(NamedTuple):
     step: FrameId
     stamp: float
     """Seconds on the robot's clock."""
-
-
-class MarkKind(StrEnum):
-    """Kind of a mark on the timeline."""
-
-    MAP = "map"
-    """A whole map was built or loaded."""
-    QUERY_START = "query start"
-    QUERY_END = "query end"
-    PRUNE = "prune"
-    """An edge was removed from the map, or a person removed a node."""
-    EXPAND = "expand"
-    """A node was added because the robot was lost or found no path."""
-    COLLISION = "collision"
-    FAILURE = "failure"
-    """An attempt did not succeed."""
-    REPLAN = "replan"
-    """The plan is not the rest of the previous one."""
-    ADD = "add"
-    """A node or an edge was added for another reason, not with a whole map."""
-    SEEN_OPEN = "seen open"
-    SEEN_BLOCKED = "seen blocked"
-    DOOR_OPENED = "door opened"
-    DOOR_CLOSED = "door closed"
-    WORLD = "world"
-    """A thing was put down or taken away, or the light changed."""
 
 
 class Mark(NamedTuple):
@@ -149,17 +122,6 @@ class AttemptRecord:
             return ()
         planned = self.plan.planned.nodes if self.plan else ()
         return edges_between(planned, self.started.source, self.started.target)
-
-
-def edges_between(path: Sequence[NodeId], source: NodeId, target: NodeId) -> tuple[EdgeKey, ...]:
-    """Return the edges of a path between two of its nodes, or the direct edge if the path does not contain both in
-    order.
-
-    An attempt to a subgoal farther ahead drives all of these edges, and its failure counts against each.
-    """
-    if source in path and target in path[path.index(source) + 1 :]:
-        return tuple(itertools.pairwise(path[path.index(source) : path.index(target) + 1]))
-    return ((source, target),)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -8,7 +8,7 @@ from itertools import pairwise
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Link, Strong, joined
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
-from ltvn_core.navigation.event_text import edge_text
+from ltvn_core.navigation.event_table import edge_text
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection

@@ -13,7 +13,7 @@ from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.event_text import describe_delta
+from ltvn_core.navigation.event_table import describe_delta
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, is_live, request_link, time_link
 from ltvn_viz.session.inspection import (

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.analysis.map_history import EMPTY_GRAPH, NO_FADING_EDGES, FadingEdges, GraphArrays
-from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY, RecordedFrames
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.geometry import compose, wrap_angle
+from ltvn_core.navigation.progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.types import FrameId, Pose
 
 FADE_S = 3.0

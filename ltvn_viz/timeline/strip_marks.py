@@ -1,6 +1,6 @@
 """The marks of a run as rows of integers for the page's timeline, and the address from which the page fetches them.
 
-Owns the format of a row; `ltvn_core.analysis.timeline_rows` decides which events get a mark. Rows of a run are only
+Owns the format of a row; `ltvn_core.navigation.event_table` decides which events get a mark. Rows of a run are only
 appended, so a page that has the first rows requests only the rest. Rows are made in the session's thread; other threads
 may read them.
 
@@ -20,11 +20,11 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
-from ltvn_core.analysis.timeline_rows import event_mark
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
-from ltvn_core.types import NodeId
+from ltvn_core.navigation.event_table import describe_event
+from ltvn_core.navigation.progress import NavigationProgress
 from ltvn_core.worlds import PersonLeft, PersonMoved
 from ltvn_viz.server.strip_kinds import STRIP_STYLES, QueryEnd, StripKind
 
@@ -35,7 +35,7 @@ _KEPT = 4
 _NOBODY = -1
 _MOVED = 2e-3
 """Least change of the pose between two images, in metres or radians, of a robot that moves."""
-_KINDS: Mapping[MarkKind, StripKind] = {
+_KINDS: Mapping[MarkKind | None, StripKind] = {
     MarkKind.ADD: StripKind.ADDED,
     MarkKind.EXPAND: StripKind.ADDED,
     MarkKind.REPLAN: StripKind.REPLANNED,
@@ -75,11 +75,8 @@ class StripMarks:
         self._latest: dict[StripKind, float] = {}
         """Time of the latest mark of each kind, in seconds."""
         self._p: dict[EdgeKey, float] = {}
-        self._plan: tuple[NodeId, ...] | None = None
         self._under_way: list[float] = []
         """Times at which a query began or ended, by turns, in seconds."""
-        self._arrived = False
-        """Whether the robot reported its arrival in the last query."""
 
     def is_of(self, run: Timeline) -> bool:
         """Tell whether the rows are still valid: the run began at the same time, and its events were only appended."""
@@ -92,7 +89,7 @@ class StripMarks:
             event, stamp = run.events[number].event, run.instant(number).stamp
             if isinstance(event, e.QueryStarted if len(self._under_way) % 2 == 0 else e.QueryEnded):
                 self._under_way.append(stamp)
-            if (found := self._mark(event)) is not None and self._is_due(found[0], stamp):
+            if (found := self._mark(event, run.progress_before(number))) is not None and self._is_due(found[0], stamp):
                 rows.append(self._row(stamp, *found))
         self._taken = len(run.events)
         self.rows += sorted([*rows, *self._of_images(run)], key=lambda row: row.time_ms)
@@ -123,37 +120,31 @@ class StripMarks:
         before = run.frames.driven_pose(max(number - 1, 0))
         return bool(np.abs(run.frames.driven_pose(number) - before).max() > _MOVED)
 
-    def _mark(self, event: e.Event) -> tuple[StripKind, int, int] | None:
-        found = event_mark(event, self._plan)
-        kind = None if found is None else _KINDS.get(found.kind)
-        about = () if found is None else found.about
+    def _mark(self, event: e.Event, before: NavigationProgress) -> tuple[StripKind, int, int] | None:
+        row = describe_event(event, before)
+        kind = _KINDS.get(row.mark)
         match event:
             case e.QueryStarted(query=query, goal=goal):
-                self._plan = None
                 return StripKind.QUERY_BEGAN, query, goal
             case e.QueryEnded(query=query, outcome=outcome):
-                self._arrived = outcome is e.Outcome.ARRIVED
                 return StripKind.QUERY_ENDED, query, _end(outcome)
-            case e.Judged(query=query, reached=False) if self._arrived:
+            case e.Judged(query=query, reached=False) if before.ended and before.ended.outcome is e.Outcome.ARRIVED:
                 return StripKind.QUERY_ENDED, query, QueryEnd.WRONG
-            case e.Planned(nodes=nodes):
-                if not nodes:
-                    kind = StripKind.NO_PLAN if self._plan != () else None
-                elif not self._plan:
-                    kind, about = StripKind.PLANNED, (nodes[0], nodes[-1])
-                self._plan = nodes
+            case e.Planned(nodes=()):
+                kind = StripKind.NO_PLAN if before.last_plan != () else None
+            case e.Planned() if not before.last_plan:
+                kind = StripKind.PLANNED
             case e.GraphChanged(delta=d.EdgeAdded(edge=edge)):
                 self._p[edge.source, edge.target] = edge.belief.p
             case e.GraphChanged(delta=d.BeliefUpdated(source=source, target=target, belief=belief)):
-                before = self._p.get((source, target), belief.p)
+                was = self._p.get((source, target), belief.p)
                 self._p[source, target] = belief.p
-                if belief.p != before:
-                    kind, about = StripKind.ROSE if belief.p > before else StripKind.FELL, (source, target)
+                kind = kind if belief.p == was else StripKind.ROSE if belief.p > was else StripKind.FELL
             case e.WorldChanged(change=PersonMoved() | PersonLeft()):
                 kind = StripKind.PEOPLE_MOVED
             case _:
                 pass
-        first, second, *_ = (*about, _NOBODY, _NOBODY)
+        first, second, *_ = (*row.about, _NOBODY, _NOBODY)
         return None if kind is None else (kind, first, second)
 
 

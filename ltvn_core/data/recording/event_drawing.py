@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 import rerun as rr
 
@@ -23,7 +23,7 @@ from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import BULK_CAUSES, Belief, BeliefUpdated, Cause, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as ev
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.event_table import describe_event
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.palette import Rgb8
 from ltvn_core.readable_text import readable
@@ -115,11 +115,8 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
             return [_strip(schema.PRUNED, [source, target], drawn_poses, palette.EDGE_REMOVED)]
         case ev.WorldChanged():
             return draw_world_change(event)
-        case ev.ActionBegun() | ev.ActionEnded():
-            return []
-        case ev.GraphChanged() | ev.Collided() | ev.QueryEnded() | ev.Judged() | ev.Note():
-            return []
-    assert_never(event)
+        case _:
+            return []  # Its line in the log is enough.
 
 
 def _margin(event: ev.Localised) -> list[DrawnEntity]:

@@ -7,45 +7,30 @@ that people made to the world.
 """
 
 from enum import IntEnum, StrEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from ltvn_core import palette
+from ltvn_core.navigation.event_table import MarkKind
 from ltvn_core.palette import Rgb8
 
 
-class StripKind(IntEnum):
-    """The meaning of a mark; the number is sent to the page. Where marks overlap, the kind with the largest number is
-    the most important."""
+class StripKind(StrEnum):
+    """The meaning of a mark that the page's timeline alone has; it shows the kinds of `MarkKind` too."""
 
-    RECORDED = 0
-    DRIVEN_BY_PERSON = 1
+    RECORDED = "recorded"
+    DRIVEN_BY_PERSON = "driven by person"
     """The robot moved, and no query was under way."""
-    DRIVEN_BY_QUERY = 2
-    PEOPLE_MOVED = 3
-    ADDED = 4
-    """A single node or edge was added, not with a whole map."""
-    PLANNED = 5
+    DRIVEN_BY_QUERY = "driven by query"
+    PEOPLE_MOVED = "people moved"
+    PLANNED = "planned"
     """The first path of a query."""
-    REPLANNED = 6
-    ROSE = 7
+    ROSE = "rose"
     """The probability of an edge rose after an attempt."""
-    SEEN_OPEN = 8
-    """An edge was seen open again."""
-    WORLD_CHANGED = 9
-    """An object was placed or removed, or the light changed."""
-    DOOR_OPENED = 10
-    DOOR_CLOSED = 11
-    FELL = 12
-    SEEN_BLOCKED = 13
-    PRUNED = 14
-    NO_PLAN = 15
-    FAILED = 16
-    """An attempt did not succeed."""
-    COLLISION = 17
-    QUERY_BEGAN = 18
-    """A query began; the mark has its number and its goal."""
-    QUERY_ENDED = 19
-    """A query ended; the mark has its number and its `QueryEnd`."""
+    FELL = "fell"
+    NO_PLAN = "no plan"
+
+
+ShownKind: TypeAlias = StripKind | MarkKind
 
 
 class Lane(StrEnum):
@@ -74,28 +59,30 @@ class StripStyle(NamedTuple):
     """Height of the bar as a share of its lane, so that bars of one lane differ without their colours."""
 
 
-STRIP_STYLES: dict[StripKind, StripStyle] = {
+STRIP_STYLES: dict[ShownKind, StripStyle] = {
     StripKind.RECORDED: StripStyle(Lane.RECORDING, "▬", palette.COURSE, "images", "", 1.0, 0.5),
     StripKind.DRIVEN_BY_PERSON: StripStyle(Lane.DRIVING, "▂", palette.ROBOT, "driven by a person", "", 0.25, 0.25),
     StripKind.DRIVEN_BY_QUERY: StripStyle(Lane.DRIVING, "▅", palette.SOURCE, "driven by a query", "", 0.25, 0.5),
     StripKind.PEOPLE_MOVED: StripStyle(Lane.WORLD, "▁", palette.TEXT, "people walk", "", 0.5, 0.25),
-    StripKind.ADDED: StripStyle(Lane.EDGES, "▲", palette.EDGE_ADDED, "came in", "edge"),
+    MarkKind.ADD: StripStyle(Lane.EDGES, "▲", palette.EDGE_ADDED, "came in", "edge"),
     StripKind.PLANNED: StripStyle(Lane.PLAN, "◇", palette.PLAN, "plan made", "path"),
-    StripKind.REPLANNED: StripStyle(Lane.PLAN, "◆", palette.PLAN, "plan changed", "path"),
+    MarkKind.REPLAN: StripStyle(Lane.PLAN, "◆", palette.PLAN, "plan changed", "path"),
     StripKind.ROSE: StripStyle(Lane.EDGES, "↑", palette.SOURCE, "p rose", "edge"),
-    StripKind.SEEN_OPEN: StripStyle(Lane.EDGES, "○", palette.EDGE_ADDED, "seen open", "edge"),
-    StripKind.WORLD_CHANGED: StripStyle(Lane.WORLD, "◈", palette.TEXT, "world changed"),
-    StripKind.DOOR_OPENED: StripStyle(Lane.WORLD, "□", palette.TEXT, "door opened", "number"),
-    StripKind.DOOR_CLOSED: StripStyle(Lane.WORLD, "■", palette.TEXT, "door closed", "number"),
+    MarkKind.SEEN_OPEN: StripStyle(Lane.EDGES, "○", palette.EDGE_ADDED, "seen open", "edge"),
+    MarkKind.WORLD: StripStyle(Lane.WORLD, "◈", palette.TEXT, "world changed"),
+    MarkKind.DOOR_OPENED: StripStyle(Lane.WORLD, "□", palette.TEXT, "door opened", "number"),
+    MarkKind.DOOR_CLOSED: StripStyle(Lane.WORLD, "■", palette.TEXT, "door closed", "number"),
     StripKind.FELL: StripStyle(Lane.EDGES, "↓", palette.TARGET, "p fell", "edge"),
-    StripKind.SEEN_BLOCKED: StripStyle(Lane.EDGES, "●", palette.EDGE_REMOVED, "seen blocked", "edge"),
-    StripKind.PRUNED: StripStyle(Lane.EDGES, "▼", palette.EDGE_REMOVED, "pruned", "edge"),
+    MarkKind.SEEN_BLOCKED: StripStyle(Lane.EDGES, "●", palette.EDGE_REMOVED, "seen blocked", "edge"),
+    MarkKind.PRUNE: StripStyle(Lane.EDGES, "▼", palette.EDGE_REMOVED, "pruned", "edge"),
     StripKind.NO_PLAN: StripStyle(Lane.PLAN, "∅", palette.TARGET, "no path found"),
-    StripKind.FAILED: StripStyle(Lane.DRIVING, "✕", palette.TARGET, "attempt failed", "edge"),
-    StripKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.TARGET, "collision"),
+    MarkKind.FAILURE: StripStyle(Lane.DRIVING, "✕", palette.TARGET, "attempt failed", "edge"),
+    MarkKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.TARGET, "collision"),
 }
 """All kinds but those of queries, which are drawn as bars above the lanes: what they are, and where and how they are
-drawn."""
+drawn. Where marks overlap, the later kind is the more important."""
+KIND_NUMBERS = {kind: number for number, kind in enumerate((*STRIP_STYLES, MarkKind.QUERY_START, MarkKind.QUERY_END))}
+"""Kind -> the number that is sent to the page."""
 
 
 class QueryEnd(IntEnum):
@@ -129,7 +116,7 @@ def strip_tables() -> dict[str, object]:
     """Return the tables in the format of the page's script."""
     lanes = [*Lane]
     kinds = {
-        int(kind): style._asdict() | {"lane": lanes.index(style.lane), "colour": style.colour.css}
+        KIND_NUMBERS[kind]: style._asdict() | {"lane": lanes.index(style.lane), "colour": style.colour.css}
         for kind, style in STRIP_STYLES.items()
     }
     bars = {int(end): style._asdict() | {"colour": style.colour.css} for end, style in BAR_STYLES.items()}
@@ -138,6 +125,6 @@ def strip_tables() -> dict[str, object]:
         "lanes": lanes,
         "bars": bars,
         "underWay": UNDER_WAY._asdict() | {"colour": UNDER_WAY.colour.css},
-        "began": int(StripKind.QUERY_BEGAN),
-        "ended": int(StripKind.QUERY_ENDED),
+        "began": KIND_NUMBERS[MarkKind.QUERY_START],
+        "ended": KIND_NUMBERS[MarkKind.QUERY_END],
     }

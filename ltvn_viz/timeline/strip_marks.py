@@ -12,7 +12,7 @@ import json
 import math
 from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -26,7 +26,7 @@ from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_table import describe_event
 from ltvn_core.navigation.progress import NavigationProgress
 from ltvn_core.worlds import PersonLeft, PersonMoved
-from ltvn_viz.server.strip_kinds import STRIP_STYLES, QueryEnd, StripKind
+from ltvn_viz.server.strip_kinds import KIND_NUMBERS, STRIP_STYLES, QueryEnd, ShownKind, StripKind
 
 STRIP_NUMBERS = 10**8
 """Factor in the number by which a page requests rows: the number of the run times this factor, plus the first row."""
@@ -35,20 +35,6 @@ _KEPT = 4
 _NOBODY = -1
 _MOVED = 2e-3
 """Least change of the pose between two images, in metres or radians, of a robot that moves."""
-_KINDS: Mapping[MarkKind | None, StripKind] = {
-    MarkKind.ADD: StripKind.ADDED,
-    MarkKind.EXPAND: StripKind.ADDED,
-    MarkKind.REPLAN: StripKind.REPLANNED,
-    MarkKind.SEEN_OPEN: StripKind.SEEN_OPEN,
-    MarkKind.SEEN_BLOCKED: StripKind.SEEN_BLOCKED,
-    MarkKind.WORLD: StripKind.WORLD_CHANGED,
-    MarkKind.DOOR_OPENED: StripKind.DOOR_OPENED,
-    MarkKind.DOOR_CLOSED: StripKind.DOOR_CLOSED,
-    MarkKind.PRUNE: StripKind.PRUNED,
-    MarkKind.FAILURE: StripKind.FAILED,
-    MarkKind.COLLISION: StripKind.COLLISION,
-}
-"""Kinds of the marks that are the same here as in the analysis of a run."""
 
 
 class StripRow(NamedTuple):
@@ -56,7 +42,7 @@ class StripRow(NamedTuple):
 
     time_ms: int
     """Time after the beginning of the run in milliseconds, rounded up, so that seeking to it shows the event."""
-    kind: StripKind
+    kind: ShownKind
     first: int = _NOBODY
     """Subject of the mark: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""
     second: int = _NOBODY
@@ -72,7 +58,7 @@ class StripMarks:
         self._events: Sequence[e.StampedEvent] = run.events
         self._taken = 0
         self._frames = 0
-        self._latest: dict[StripKind, float] = {}
+        self._latest: dict[ShownKind, float] = {}
         """Time of the latest mark of each kind, in seconds."""
         self._p: dict[EdgeKey, float] = {}
         self._under_way: list[float] = []
@@ -94,12 +80,12 @@ class StripMarks:
         self._taken = len(run.events)
         self.rows += sorted([*rows, *self._of_images(run)], key=lambda row: row.time_ms)
 
-    def _row(self, stamp: float, kind: StripKind, first: int = _NOBODY, second: int = _NOBODY) -> StripRow:
+    def _row(self, stamp: float, kind: ShownKind, first: int = _NOBODY, second: int = _NOBODY) -> StripRow:
         self._latest[kind] = stamp
         milliseconds = math.ceil(1000 * max(0.0, stamp - self.start_s) - 1e-6)
         return StripRow(milliseconds, kind, first, second)
 
-    def _is_due(self, kind: StripKind, stamp: float) -> bool:
+    def _is_due(self, kind: ShownKind, stamp: float) -> bool:
         """Tell whether an event gets a mark: always, unless it goes on for some time and has one that is so recent."""
         span_s = STRIP_STYLES[kind].span_s if kind in STRIP_STYLES else 0.0
         return span_s == 0 or stamp >= self._latest.get(kind, -math.inf) + span_s
@@ -120,16 +106,16 @@ class StripMarks:
         before = run.frames.driven_pose(max(number - 1, 0))
         return bool(np.abs(run.frames.driven_pose(number) - before).max() > _MOVED)
 
-    def _mark(self, event: e.Event, before: NavigationProgress) -> tuple[StripKind, int, int] | None:
+    def _mark(self, event: e.Event, before: NavigationProgress) -> tuple[ShownKind, int, int] | None:
         row = describe_event(event, before)
-        kind = _KINDS.get(row.mark)
+        kind: ShownKind | None = MarkKind.ADD if row.mark is MarkKind.EXPAND else row.mark
         match event:
             case e.QueryStarted(query=query, goal=goal):
-                return StripKind.QUERY_BEGAN, query, goal
+                return MarkKind.QUERY_START, query, goal
             case e.QueryEnded(query=query, outcome=outcome):
-                return StripKind.QUERY_ENDED, query, _end(outcome)
+                return MarkKind.QUERY_END, query, _end(outcome)
             case e.Judged(query=query, reached=False) if before.ended and before.ended.outcome is e.Outcome.ARRIVED:
-                return StripKind.QUERY_ENDED, query, QueryEnd.WRONG
+                return MarkKind.QUERY_END, query, QueryEnd.WRONG
             case e.Planned(nodes=()):
                 kind = StripKind.NO_PLAN if before.last_plan != () else None
             case e.Planned() if not before.last_plan:
@@ -187,7 +173,8 @@ class StripLibrary:
         strip = self._strips.get(run)
         if strip is None:
             return None
-        return json.dumps({"run": run, "first": first, "rows": strip.rows[first:]}, separators=(",", ":")).encode()
+        rows = [(time_ms, KIND_NUMBERS[kind], *about) for time_ms, kind, *about in strip.rows[first:]]
+        return json.dumps({"run": run, "first": first, "rows": rows}, separators=(",", ":")).encode()
 
 
 _SAME_S = 1e-5

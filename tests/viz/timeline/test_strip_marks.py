@@ -10,13 +10,14 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation import events as e
+from ltvn_core.navigation.event_table import MarkKind
 from ltvn_core.navigation.events import GraphChanged, Outcome, StampedEvent, WorldChanged
 from ltvn_core.types import CONTROL_STEP_S, Twist
 from ltvn_core.worlds import DoorMoved, PersonMoved
 from ltvn_viz.panels.replay_panel import TimelinePanel
 from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
-from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, adjacent_instant
+from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, StripRow, adjacent_instant
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Action, Ask
 from tests.core.analysis import example_runs
@@ -24,27 +25,27 @@ from tests.repository import DEMO_FAULT
 from tests.viz.session_harness import SessionHarness, said
 
 
-def rows_of(run: Timeline) -> list[tuple[int, ...]]:
+def rows_of(run: Timeline) -> list[StripRow]:
     strip = StripMarks(run)
     strip.take_in(run)
-    return [tuple(row) for row in strip.rows]
+    return strip.rows
 
 
 def test_of_a_recording_with_faults_queries_failures_and_the_prune_are_marked_in_order() -> None:
     run = Timeline.of(Recording.open(DEMO_FAULT).events)
     rows = rows_of(run)
     kinds = [kind for _, kind, *_ in rows]
-    assert kinds.count(StripKind.QUERY_BEGAN) == 4
-    assert [row[3] for row in rows if row[1] == StripKind.QUERY_ENDED] == [
+    assert kinds.count(MarkKind.QUERY_START) == 4
+    assert [row[3] for row in rows if row[1] == MarkKind.QUERY_END] == [
         QueryEnd.FAILED,
         QueryEnd.FAILED,
         QueryEnd.REACHED,
         QueryEnd.WRONG,  # The verdict on the query before it.
         QueryEnd.FAILED,
     ]
-    assert [row[2:] for row in rows if row[1] == StripKind.PRUNED] == [(1489, 2621)]
-    assert kinds.count(StripKind.FAILED) == 7
-    assert StripKind.ADDED not in kinds  # The whole map that came in at first is no news.
+    assert [row[2:] for row in rows if row[1] == MarkKind.PRUNE] == [(1489, 2621)]
+    assert kinds.count(MarkKind.FAILURE) == 7
+    assert MarkKind.ADD not in kinds  # The whole map that came in at first is no news.
     assert all(before[0] <= after[0] for before, after in pairwise(rows))
 
 
@@ -56,7 +57,7 @@ def test_doors_and_what_was_learned_by_hand_are_marked() -> None:
             *example_runs.at(30, WorldChanged(DoorMoved(3, is_open=True))),
         ]
     )
-    assert [row[1:3] for row in rows_of(run)[-2:]] == [(StripKind.DOOR_CLOSED, 3), (StripKind.DOOR_OPENED, 3)]
+    assert [row[1:3] for row in rows_of(run)[-2:]] == [(MarkKind.DOOR_CLOSED, 3), (MarkKind.DOOR_OPENED, 3)]
 
 
 def test_a_page_that_has_some_rows_is_given_the_others_and_a_run_in_another_order_is_another_run() -> None:
@@ -72,7 +73,7 @@ def test_a_page_that_has_some_rows_is_given_the_others_and_a_run_in_another_orde
 
 
 def test_every_kind_of_mark_has_a_sign_of_its_own_and_the_page_knows_it() -> None:
-    marks = set(StripKind) - {StripKind.QUERY_BEGAN, StripKind.QUERY_ENDED}
+    marks = {*StripKind, *MarkKind} - {MarkKind.QUERY_START, MarkKind.QUERY_END, MarkKind.MAP, MarkKind.EXPAND}
     assert set(STRIP_STYLES) == marks
     assert set(BAR_STYLES) == set(QueryEnd)
     assert len({style.sign for style in STRIP_STYLES.values()}) == len(marks)
@@ -184,9 +185,9 @@ def test_plans_beliefs_and_people_are_marked_by_what_changed() -> None:
     edges = example_runs.edge(1, 2, p=0.8), example_runs.edge(2, 3, p=0.8)
     happened = *edges, e.QueryStarted(0, 3), *plans, *beliefs, *people
     assert [row[1:] for row in rows_of(Timeline.of(example_runs.at(10, *happened)))] == [
-        (StripKind.QUERY_BEGAN, 0, 3),
+        (MarkKind.QUERY_START, 0, 3),
         (StripKind.PLANNED, 1, 3),
-        (StripKind.REPLANNED, 2, 3),
+        (MarkKind.REPLAN, 2, 3),
         (StripKind.NO_PLAN, -1, -1),
         (StripKind.ROSE, 1, 2),
         (StripKind.FELL, 2, 3),

@@ -5,10 +5,11 @@ the analysis use the same one. `analysis.timeline_records` defines the rows, `an
 `analysis.map_history` holds the maps. Holds no images.
 """
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from typing import Self
+from operator import attrgetter
+from typing import Self, TypeVar
 
 from ltvn_core.analysis.map_history import GraphHistory, MapHistory
 from ltvn_core.analysis.recorded_frames import RecordedFrames
@@ -29,6 +30,10 @@ from ltvn_core.navigation.event_table import describe_event
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.navigation.progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.types import FrameId, NodeId, Pose
+
+_Row = TypeVar("_Row")
+_SAME_S = 1e-5
+"""Greatest difference in seconds between two moments that are the same moment for the page."""
 
 
 class Timeline:
@@ -219,36 +224,11 @@ class Timeline:
         place = bisect_right(queries, event, key=lambda query: query.first) - 1
         return queries[place] if place >= 0 and event <= queries[place].last else None
 
-    def next_event(self, at: Instant) -> Instant | None:
-        """Return the next instant with an event; None at the end. Takes logarithmic time."""
-        place = bisect_right(self._events, at.step, key=_step)
-        return self.instant(place) if place < len(self._events) else None
-
-    def previous_event(self, at: Instant) -> Instant | None:
-        """Return the previous instant with an event; None at the beginning. Takes logarithmic time."""
-        place = bisect_left(self._events, at.step, key=_step) - 1
-        return self.instant(place) if place >= 0 else None
-
     def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> Sequence[Mark]:
         """Return the marks up to the end of a step, or all marks without an instant; only those of one kind if `kind`
         is given."""
-        marks = self._marks(kind)
+        marks = self._rows.marks.get(kind, ())
         return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
-
-    def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the first mark in a later step, of one kind if `kind` is given. Takes logarithmic time."""
-        marks = self._marks(kind)
-        place = bisect_right(marks, at.step, key=_step_of_mark)
-        return marks[place] if place < len(marks) else None
-
-    def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the last mark in an earlier step, of one kind if `kind` is given. Takes logarithmic time."""
-        marks = self._marks(kind)
-        place = bisect_left(marks, at.step, key=_step_of_mark) - 1
-        return marks[place] if place >= 0 else None
-
-    def _marks(self, kind: MarkKind | None) -> Sequence[Mark]:
-        return self._rows.marks.get(kind, ())
 
     @property
     def _closed(self) -> ClosedRows:
@@ -304,6 +284,26 @@ class Timeline:
         if isinstance(event, GraphChanged) and (epoch := self._maps.begun_by.get(number)) is not None:
             self._known_rows.begin_map(number, instant, event.delta.cause, epoch)
         self._known_rows.take(number, instant, event, self.progress_before(number))
+
+
+def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:
+    """Return the moment of the next event at another time, or of the previous one; linear in the events at the same
+    time."""
+    found = _adjacent(range(len(timeline.events)), timeline.instant, at, forwards=forwards)
+    return None if found is None else timeline.instant(found)
+
+
+def adjacent_mark(timeline: Timeline, at: Instant, kind: MarkKind | None, *, forwards: bool) -> Mark | None:
+    """Return the next mark of a kind at another time, or the previous one; linear in the marks at the same time."""
+    return _adjacent(timeline.marks_until(None, kind), attrgetter("instant"), at, forwards=forwards)
+
+
+def _adjacent(rows: Sequence[_Row], instant: Callable[[_Row], Instant], at: Instant, *, forwards: bool) -> _Row | None:
+    # Several events may have the same stamp, because the clock stands still between queries, and the page knows only
+    # the time.
+    place = bisect_right(rows, at.step, key=lambda row: instant(row).step)
+    numbers = range(place, len(rows)) if forwards else range(place - 1, -1, -1)
+    return next((rows[n] for n in numbers if abs(instant(rows[n]).stamp - at.stamp) >= _SAME_S), None)
 
 
 def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Axis, Inline, Key, LaneChart, MarkLane
+from ltvn_core.analysis.timeline import adjacent_mark
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, NodeAdded
 from ltvn_core.palette import Rgb8
@@ -19,7 +20,6 @@ from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
 from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke
-from ltvn_viz.timeline.strip_marks import adjacent_mark
 
 _LAST = 3
 

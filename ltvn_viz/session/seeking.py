@@ -3,11 +3,11 @@
 Owns stepping from event to event, and looking back during a run. `ltvn_core.analysis.timeline` knows the events.
 """
 
+from ltvn_core.analysis.timeline import adjacent_instant, adjacent_mark
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
-from ltvn_viz.timeline.strip_marks import adjacent_instant, adjacent_mark
 
 LEAST_SPEED, MOST_SPEED = 25, 800
 """Limits of the playing speed, in percent."""

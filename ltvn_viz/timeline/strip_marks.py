@@ -3,9 +3,6 @@
 Owns the format of a row; `ltvn_core.navigation.event_table` decides which events get a mark. Rows of a run are only
 appended, so a page that has the first rows requests only the rest. Rows are made in the session's thread; other threads
 may read them.
-
-Owns also the steps from mark to mark. Several events may have the same stamp, because the clock stands still between
-queries. The page knows only the time, so the next mark is always one at another time.
 """
 
 import json
@@ -19,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
+from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
@@ -175,33 +172,3 @@ class StripLibrary:
             return None
         rows = [(time_ms, KIND_NUMBERS[kind], *about) for time_ms, kind, *about in strip.rows[first:]]
         return json.dumps({"run": run, "first": first, "rows": rows}, separators=(",", ":")).encode()
-
-
-_SAME_S = 1e-5
-"""Greatest difference in seconds between two moments that are the same moment for the page."""
-
-
-def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:
-    """Return the moment of the next event at another time, or of the previous one; linear in the events at the same
-    time."""
-    found: Instant | None = _start(at, forwards=forwards)
-    while found is not None and abs(found.stamp - at.stamp) < _SAME_S:
-        found = timeline.next_event(found) if forwards else timeline.previous_event(found)
-    return found
-
-
-def adjacent_mark(timeline: Timeline, at: Instant, kind: MarkKind, *, forwards: bool) -> Mark | None:
-    """Return the next mark of a kind at another time, or the previous one; linear in the events at the same time."""
-    place = _start(at, forwards=forwards)
-    mark = None
-    while abs(place.stamp - at.stamp) < _SAME_S:
-        mark = timeline.next_mark(place, kind) if forwards else timeline.previous_mark(place, kind)
-        if mark is None:
-            return None
-        place = mark.instant
-    return mark
-
-
-def _start(at: Instant, *, forwards: bool) -> Instant:
-    """Return the moment from which to search; a backward search includes the events of the present step."""
-    return at if forwards else at._replace(step=at.step + 1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline import Timeline, adjacent_instant, adjacent_mark
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
@@ -50,21 +50,21 @@ def test_marks_tell_what_a_slider_should_show() -> None:
 
 def test_one_can_step_by_mark_by_event_and_by_query() -> None:
     timeline, start = runs.timeline(), Instant(20, 2.0)
-    prune = timeline.next_mark(start, MarkKind.PRUNE)
+    prune = adjacent_mark(timeline, start, MarkKind.PRUNE, forwards=True)
     assert prune is not None
     assert (prune.ids, prune.instant.step) == ((1, 2), 140)
-    assert timeline.next_mark(prune.instant, MarkKind.PRUNE) is None
-    back = timeline.previous_mark(prune.instant)
+    assert adjacent_mark(timeline, prune.instant, MarkKind.PRUNE, forwards=True) is None
+    back = adjacent_mark(timeline, prune.instant, None, forwards=False)
     assert back is not None
     assert back.instant.step == 100
-    assert timeline.next_event(start) == Instant(40, 4.0)
-    assert timeline.previous_event(start) == Instant(10, 1.0)
-    assert timeline.previous_event(Instant(10, 1.0)) is None
-    later = timeline.next_mark(start, MarkKind.QUERY_START)
+    assert adjacent_instant(timeline, start, forwards=True) == Instant(40, 4.0)
+    assert adjacent_instant(timeline, start, forwards=False) == Instant(10, 1.0)
+    assert adjacent_instant(timeline, Instant(10, 1.0), forwards=False) is None
+    later = adjacent_mark(timeline, start, MarkKind.QUERY_START, forwards=True)
     assert later is not None
     assert later.instant.step == 100
-    assert timeline.next_mark(later.instant, MarkKind.QUERY_START) is None
-    earlier = timeline.previous_mark(later.instant, MarkKind.QUERY_START)
+    assert adjacent_mark(timeline, later.instant, MarkKind.QUERY_START, forwards=True) is None
+    earlier = adjacent_mark(timeline, later.instant, MarkKind.QUERY_START, forwards=False)
     assert earlier is not None
     assert earlier.instant.step == 20
 
@@ -147,8 +147,8 @@ def test_edges_added_and_pruned_are_counted_anew_for_a_new_map() -> None:
 
 def test_nothing_at_all_is_a_timeline_too() -> None:
     timeline = Timeline.of([])
-    assert timeline.next_event(Instant(0, 0.0)) is None
-    assert timeline.next_mark(Instant(0, 0.0)) is None
+    assert adjacent_instant(timeline, Instant(0, 0.0), forwards=True) is None
+    assert adjacent_mark(timeline, Instant(0, 0.0), None, forwards=True) is None
     assert timeline.query_at(0) is None
     assert len(timeline.graph_at().nodes) == 0
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline import Timeline, adjacent_instant
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation import events as e
@@ -17,7 +17,7 @@ from ltvn_core.worlds import DoorMoved, PersonMoved
 from ltvn_viz.panels.replay_panel import TimelinePanel
 from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
-from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, StripRow, adjacent_instant
+from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, StripRow
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Action, Ask
 from tests.core.analysis import example_runs

@@ -122,7 +122,7 @@ class Timeline:
     @property
     def marks(self) -> Sequence[Mark]:
         """All marks."""
-        return self._rows.marks[None]
+        return self._known_rows.marks[None]
 
     @property
     def changes(self) -> Sequence[MapChange]:
@@ -227,7 +227,7 @@ class Timeline:
     def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> Sequence[Mark]:
         """Return the marks up to the end of a step, or all marks without an instant; only those of one kind if `kind`
         is given."""
-        marks = self._rows.marks.get(kind, ())
+        marks = self._known_rows.marks.get(kind, ())
         return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
 
     @property
@@ -256,16 +256,19 @@ class Timeline:
             self._append(stamped)
 
     def _append(self, stamped: StampedEvent) -> None:
-        number = len(self._events)
-        event = stamped.event
+        number, event = len(self._events), stamped.event
         stamp = max(stamped.stamp, self._stamps[-1]) if self._stamps else float(stamped.stamp)
+        instant = Instant(int(stamped.step), stamp)
         before = self._progress[-1] if self._progress else NO_PROGRESS
         if isinstance(event, GraphChanged):
             seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
-            self._maps.append(number, Instant(stamped.step, stamp), event, seen_from)
+            self._maps.append(number, instant, event, seen_from)
             if number in self._maps.begun_by:
                 before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
-        self._progress.append(describe_event(event, before).after)
+                self._known_rows.mark_map(number, instant, event.delta.cause, self._maps.begun_by[number])
+        row = describe_event(event, before)
+        self._known_rows.mark(number, instant, event, row)
+        self._progress.append(row.after)
         self._stamps.append(stamp)
         self._events.append(stamped)
 
@@ -273,17 +276,12 @@ class Timeline:
     def _rows(self) -> TimelineRows:
         """The rows of all events so far."""
         with garbage_collection_paused():
+            rows = self._known_rows
             for number in range(self._row_events, len(self._events)):
-                self._take_row(number)
+                rows.epoch = self._maps.begun_by.get(number, rows.epoch)
+                rows.take(number, self.instant(number), self._events[number].event, self.progress_before(number))
         self._row_events = len(self._events)
-        return self._known_rows
-
-    def _take_row(self, number: int) -> None:
-        event = self._events[number].event
-        instant = self.instant(number)
-        if isinstance(event, GraphChanged) and (epoch := self._maps.begun_by.get(number)) is not None:
-            self._known_rows.begin_map(number, instant, event.delta.cause, epoch)
-        self._known_rows.take(number, instant, event, self.progress_before(number))
+        return rows
 
 
 def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, PlanRecord, QueryRecord
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.event_table import MarkKind, describe_event
+from ltvn_core.navigation.event_table import EventDescription, MarkKind
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
@@ -57,11 +57,12 @@ class TimelineRows:
         self.attempts: list[AttemptRecord] = []
         self.plans: list[PlanRecord] = []
         self.marks: dict[MarkKind | None, list[Mark]] = {None: []}
-        """Marks by kind; None holds the marks of all kinds."""
+        """Marks of all events by kind; None holds the marks of all kinds."""
         self.notes: list[str] = []
         """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
-        self._epoch = 0
+        self.epoch = 0
+        """Number of the map in which the next query starts."""
         self._query: QueryRecord | None = None
         """The query in progress, as far as it is known."""
         self._attempt: AttemptRecord | None = None
@@ -88,10 +89,7 @@ class TimelineRows:
         )
 
     def take(self, index: int, instant: Instant, event: Event, before: NavigationProgress) -> None:
-        """Process the next event, which is number `index`, given the progress before it."""
-        row = describe_event(event, before)
-        if (kind := row.mark) is not None and kind in _STOPS:
-            self._add_mark(Mark(kind=kind, instant=instant, event=index, ids=row.about, happened=event))
+        """Process the next event but for its mark. It is number `index`; `before` is the progress before it."""
         match event:
             case GraphChanged():
                 return  # This is by far the most frequent event; no row begins or ends with it.
@@ -112,9 +110,13 @@ class TimelineRows:
             case _:
                 pass  # No row begins or ends with it.
 
-    def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
-        """Note that map number `epoch` begins with event number `index`."""
-        self._epoch = epoch
+    def mark(self, index: int, instant: Instant, event: Event, row: EventDescription) -> None:
+        """Mark event number `index`, if stepping through the run stops there."""
+        if row.mark is not None and row.mark in _STOPS:
+            self._add_mark(Mark(kind=row.mark, instant=instant, event=index, ids=row.about, happened=event))
+
+    def mark_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
+        """Mark the beginning of map number `epoch` with event number `index`."""
         text = f"map {epoch + 1} is loaded ({cause.value})"
         self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), happened=text))
 
@@ -171,7 +173,7 @@ class TimelineRows:
         self._query = QueryRecord(
             id=event.query,
             goal=event.goal,
-            epoch=self._epoch,
+            epoch=self.epoch,
             first=index,
             last=index,
             begin=instant,

@@ -103,8 +103,8 @@ def describe_event(event: e.Event, before: NavigationProgress = NO_PROGRESS) -> 
             after = before._replace(plan=nodes, last_plan=nodes)
             return row(lambda: _planned(event), _warn(not nodes), ends, mark, after)
         case e.AttemptStarted(reachability=r):
-            text = f"{_attempt(event)} started, reachability {r:.2f}"
-            return row(lambda: text, about=_driven(event), after=before._replace(attempt=event))
+            after = before._replace(attempt=event)
+            return row(lambda: f"{_attempt(event)} started, reachability {r:.2f}", about=_driven(event), after=after)
         case e.AttemptEnded(end=end, succeeded=succeeded):
             text = f"{_attempt(event)} {f'succeeded ({end})' if succeeded else end.failure}{_reason(event)}"
             mark = None if succeeded or end is e.AttemptEnd.CANCELLED else MarkKind.FAILURE

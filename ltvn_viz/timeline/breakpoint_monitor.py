@@ -1,6 +1,6 @@
 """Breakpoints: kinds of events at which the run or its replay stops, anywhere or only at a node or an edge.
 
-Owns the list of breakpoints and the latest stop. `ltvn_core.analysis.timeline_rows` decides which events get a mark;
+Owns the list of breakpoints and the latest stop. `ltvn_core.navigation.event_table` decides which events get a mark;
 `ltvn_viz.session.session_loop` stops at the marks that a breakpoint names.
 """
 

@@ -26,9 +26,8 @@ def main(path: Path) -> None:
         )
 
     source, target = max(timeline.graph_at().edges, key=lambda ends: len(timeline.attempts_of_edge(*ends)))
-    for life in ltvn.analysis.edge_history(timeline, source, target).lifetimes:
-        for believed in life.beliefs:
-            print(f"edge {source} -> {target}: p {believed.belief.p:.2f} from step {believed.instant.step} on")
+    for instant, edge in ltvn.analysis.edge_story(timeline, source, target).beliefs:
+        print(f"edge {source} -> {target}: p {edge.belief.p:.2f} from step {instant.step} on")
 
 
 if __name__ == "__main__":

@@ -30,9 +30,9 @@ def main(path: Path) -> None:
         print(f"\n--- Edge {edge.source} -> {edge.target}, as the page answers")
         print(ltvn.analysis.answer_text(ask_file(case, FileAsk(edge=(edge.source, edge.target))).answer))
 
-        print("\n--- Its reasons alone, each with the kind and the step to look at")
-        for reason in ltvn.analysis.explain_pruned_edge(case.timeline, edge.source, edge.target):
-            print(f"{reason.kind} at step {reason.instant.step if reason.instant else '?'}: {reason.text}")
+        print("\n--- Its reasons alone, each with the step to look at")
+        for reason in ltvn.analysis.explain_edge(case.timeline, edge.source, edge.target):
+            print(f"at step {reason.instant.step if reason.instant else '?'}: {reason.text}")
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ is passed in as a `Predictor`. The page only shows these results. The names belo
 """
 
 from ltvn_core.analysis.answer_text import answer_text
-from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_missing_edge, explain_pruned_edge
-from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.edge_explanation import explain_edge
+from ltvn_core.analysis.edge_story import edge_story
 from ltvn_core.analysis.failure_triage import failed_queries, group_by_failure_mode, group_by_place
 from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.localisation_confidence import find_perceptual_aliases
@@ -19,10 +19,8 @@ __all__ = [
     "answer_text",
     "compare_maps",
     "describe_event",
-    "edge_history",
-    "explain_edge_belief",
-    "explain_missing_edge",
-    "explain_pruned_edge",
+    "edge_story",
+    "explain_edge",
     "failed_queries",
     "find_perceptual_aliases",
     "group_by_failure_mode",

@@ -5,8 +5,11 @@ Owns the types of these blocks. Questions make answers; the page renders them as
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
+
+import cv2
+import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.palette import Rgb8
@@ -202,6 +205,35 @@ class PresenceChart:
 Chart: TypeAlias = StepChart | CalibrationChart | LaneChart | PresenceChart
 
 
+_NEAREST_M = 0.05
+"""Points nearer to the camera than this are not projected, in metres."""
+
+
+class Pole(NamedTuple):
+    """A vertical pole in an image, as high as the camera: columns and rows of its ends, not rounded.
+
+    Pixels count from the left upper corner; the centre of the first one is (0.5, 0.5). An end may be outside the image.
+    """
+
+    top: tuple[float, float]
+    foot: tuple[float, float]
+
+
+def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> Pole | None:
+    """Return the pole at a waypoint (3,); None if no part of it is in the image.
+
+    For an edge that is driven backwards, use the image of its target.
+    """
+    ends = np.array([(*waypoint[:2], height_m) for height_m in (camera.height_m, 0.0)], np.float64)
+    ahead_m = (ends - [0.0, 0.0, camera.height_m]) @ camera.rotation[:, 0]
+    if (ahead_m < _NEAREST_M).any():
+        return None
+    top, foot = (camera.project(ends) + 0.5).tolist()
+    corners = ((round(u), round(v)) for u, v in (top, foot))
+    is_inside = cv2.clipLine((0, 0, camera.width + 1, camera.height + 1), *corners)[0]
+    return Pole(tuple(top), tuple(foot)) if is_inside else None
+
+
 class Picture(NamedTuple):
     """An image of the run with its caption."""
 
@@ -211,6 +243,14 @@ class Picture(NamedTuple):
     camera: CameraModel
     waypoint: Waypoint | None = None
     """Waypoint (3,) that is drawn into the image as a pole; None for none."""
+
+    @property
+    def pole(self) -> Pole | None:
+        """The pole at the waypoint; None if no part of it is in the image."""
+        if self.observation is None or self.waypoint is None:
+            return None
+        tilt = self.observation.tilt
+        return pole_in_image(self.waypoint, self.camera if tilt is None else replace(self.camera, **tilt._asdict()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,14 +1,14 @@
 """Why a plan used or avoided an edge: because of its cost, or because it was last seen blocked.
 
-Compares the plan with the best plan without the edge, and explains the costs of both. Also owns the form of one step of
-any explanation. Plans again on the map at that time (`analysis.replanning`), without changing the recording.
+Compares the plan with the best plan without the edge, and explains the costs of both. Plans again on the map at that
+time (`analysis.replanning`), without changing the recording. Also owns the form of a sentence of any explanation.
 """
 
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from math import inf, isclose, isfinite, log
+from typing import NamedTuple
 
 from ltvn_core.analysis.replanning import Rules, moment_of_plan, replan
 from ltvn_core.analysis.timeline import Timeline
@@ -23,37 +23,12 @@ from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId
 
 
-class ExplanationKind(StrEnum):
-    """What one line of an explanation is about."""
-
-    BORN = "born"
-    """An edge or node was added."""
-    ATTEMPT = "attempt"
-    """An edge was driven."""
-    BELIEF = "belief"
-    """The belief that follows from all evidence."""
-    GONE = "gone"
-    """An edge or node was removed."""
-    PLAN = "plan"
-    """A plan that contains the edge."""
-    PENALTY = "penalty"
-    """An edge had an extra cost in one query."""
-    ALTERNATIVE = "alternative"
-    """The cost of another path."""
-    NEVER = "never"
-    """Something that never happened."""
-
-
-@dataclass(frozen=True, slots=True)
-class ExplanationStep:
-    """One sentence of an explanation, with its links."""
+class Reason(NamedTuple):
+    """One sentence of an explanation."""
 
     text: str
-    instant: Instant | None
+    instant: Instant | None = None
     """The instant that is shown on a click; None if no single instant fits."""
-    kind: ExplanationKind
-    ids: tuple[NodeId, ...]
-    """The nodes in the sentence; source and target of an edge."""
 
 
 CAUSE_TEXTS = {
@@ -77,7 +52,7 @@ def belief_text(belief: Belief) -> str:
 
 def explain_planned_edge(
     timeline: Timeline, source: NodeId, target: NodeId, rules: Rules, *, at: Instant | None = None
-) -> tuple[ExplanationStep, ...]:
+) -> tuple[Reason, ...]:
     """Explain why the last plan through an edge, up to an instant, used it, and what the alternative was.
 
     `rules` are those of the run; whether edges are open is left to `presence_decision`. Linear in the changes of the
@@ -85,51 +60,42 @@ def explain_planned_edge(
     """
     edge = (source, target)
     count = timeline.count_until(at)
-    plans = [plan for plan in timeline.plans if plan.event < count and edge in plan.edges]
-    moment = moment_of_plan(timeline, plans[-1]) if plans else None
-    if moment is None or edge not in moment.graph.edges:  # The recording may not hold the map of the plan.
-        text = f"No plan led through edge {source} -> {target}."
-        return (ExplanationStep(text, at, ExplanationKind.NEVER, edge),)
-    plan = plans[-1]
+    plan = next((each for each in reversed(timeline.plans) if each.event < count and edge in each.edges), None)
+    moment = None if plan is None else moment_of_plan(timeline, plan)
+    if plan is None or moment is None or edge not in moment.graph.edges:  # The recording may not hold the plan's map.
+        return (Reason(f"No plan led through edge {source} -> {target}."),)
     rules = rules._replace(presence_filter=None)
     again = replan(moment, (), rules).path
     without = replan(moment, [WithoutEdge(*edge)], rules).path
     belief = moment.graph.edges[edge].belief
     failed = moment.failures.get(edge, 0) * rules.method.planning.failure_penalty
     blind = moment.penalties(rules).get(edge, 0.0) - failed
-    reasons: list[ExplanationStep] = []
-
-    def tell(text: str, kind: ExplanationKind, ids: tuple[NodeId, ...] = edge) -> None:
-        reasons.append(ExplanationStep(text, plan.instant, kind, ids))
-
-    nodes = plan.planned.nodes
-    where = f"In query {plan.planned.query} the robot thought it was at node {nodes[0]}"
-    edges_text = count_text(len(nodes) - 1, "edge")
-    tell(f"{where} and planned {edges_text} to {nodes[-1]}, cost {plan.planned.cost:.2f}.", ExplanationKind.PLAN, nodes)
     cost = rules.edge_weight_of(rules.method)(belief) + failed + blind
-    tell(f"Edge {source} -> {target} cost {cost:.2f} of that: {belief_text(belief)}.", ExplanationKind.BELIEF)
+    nodes = plan.planned.nodes
+    edges_text = count_text(len(nodes) - 1, "edge")
+    texts = [
+        f"In query {plan.planned.query} the robot thought it was at node {nodes[0]} and planned {edges_text} to "
+        f"{nodes[-1]}, cost {plan.planned.cost:.2f}.",
+        f"Edge {source} -> {target} cost {cost:.2f} of that: {belief_text(belief)}.",
+    ]
     if failed:
-        text = f"{failed:.2f} of its cost is for having failed in this query, and the plan was still the best."
-        tell(text, ExplanationKind.PENALTY)
+        texts.append(f"{failed:.2f} of its cost is for having failed in this query, and the plan was still the best.")
     if blind:
-        text = f"{blind:.2f} of its cost is because no image supports it and the robot was unsure of its place."
-        tell(text, ExplanationKind.PENALTY)
+        texts.append(f"{blind:.2f} of its cost is because no image supports it and the robot was unsure of its place.")
     if not isclose(again.cost, plan.planned.cost, rel_tol=1e-6, abs_tol=1e-6):
-        text = (
+        texts.append(
             f"Planning again costs {again.cost:.2f}, not {plan.planned.cost:.2f} as recorded: the run used other "
             "thresholds or another system, so compare these costs only with each other."
         )
-        tell(text, ExplanationKind.PLAN)
     if isfinite(without.cost):
         fresh = len(set(itertools.pairwise(without.nodes)) - set(plan.edges))
-        text = (
+        texts.append(
             f"The best path without it costs {without.cost:.2f}, {without.cost - again.cost:.2f} more, with "
             f"{count_text(len(without.nodes) - 1, 'edge')}, {fresh} of them not on the plan."
         )
-        tell(text, ExplanationKind.ALTERNATIVE, without.nodes)
     else:
-        tell("Without it there is no path at all.", ExplanationKind.ALTERNATIVE)
-    return tuple(reasons)
+        texts.append("Without it there is no path at all.")
+    return tuple(Reason(text, plan.instant) for text in texts)
 
 
 @dataclass(frozen=True, slots=True)

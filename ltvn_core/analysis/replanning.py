@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias, assert_never
 
 import numpy as np
 
-from ltvn_core.analysis.edge_presence_history import presence_as_if
+from ltvn_core.analysis.presence_forecast import presence_as_if
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.analysis.what_if_changes import (

@@ -6,7 +6,6 @@ with a waypoint drawn into them; charts are `charts`.
 
 import base64
 from collections.abc import Iterator
-from dataclasses import replace
 from html import escape
 from itertools import count
 from typing import assert_never
@@ -41,9 +40,6 @@ from ltvn_core.analysis.answer import (
     Table,
     Term,
 )
-from ltvn_core.analysis.edge_history import pole_in_image
-from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.types import Rgb, Waypoint
 from ltvn_viz.debugger.charts import chart_svg
 from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, copy_button
 from ltvn_viz.server.glossary import explained
@@ -63,23 +59,15 @@ def picture_figure(picture: Picture) -> str:
     scale = _PICTURE_PX / seen.rgb.shape[1]
     way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
     rgb = np.asarray(cv2.resize(seen.rgb, None, fx=scale, fy=scale, interpolation=way), np.uint8)
-    if picture.waypoint is not None:
-        tilted = picture.camera if seen.tilt is None else replace(picture.camera, **seen.tilt._asdict())
-        _draw_pole(rgb, picture.waypoint, tilted, scale)
+    if (pole := picture.pole) is not None:
+        top, foot = (tuple(round(scale * value) for value in end) for end in pole)
+        colour = tuple(int(part) for part in palette.TARGET)
+        cv2.line(rgb, top, foot, colour, 2, cv2.LINE_AA)
+        cv2.circle(rgb, foot, 5, colour, -1, cv2.LINE_AA)
     found, coded = cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 85])
     assert found
     url = "data:image/jpeg;base64," + base64.b64encode(coded.tobytes()).decode("ascii")
     return f'<figure><img src="{url}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
-
-
-def _draw_pole(rgb: Rgb, waypoint: Waypoint, camera: CameraModel, scale: float) -> None:
-    pole = pole_in_image(waypoint, camera)
-    if pole is None:
-        return
-    top, foot = (tuple(round(scale * value) for value in end) for end in pole)
-    colour = tuple(int(part) for part in palette.TARGET)
-    cv2.line(rgb, top, foot, colour, 2, cv2.LINE_AA)
-    cv2.circle(rgb, foot, 5, colour, -1, cv2.LINE_AA)
 
 
 def answer_html(answer: Answer) -> str:

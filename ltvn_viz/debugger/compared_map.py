@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.analysis.edge_presence_history import PresenceChange, presence_difference
 from ltvn_core.analysis.map_comparison import MapDifference, MapMetrics, compare_maps, map_metrics
+from ltvn_core.analysis.presence_forecast import PresenceChange, presence_as_if, presence_changes
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
     WorldTime,
@@ -133,9 +133,8 @@ def compare(here: ComparedMap, there: ComparedMap, presence_filter: PresenceFilt
     if here.scene != there.scene:
         return MapComparison(here, there, both, None, (), ())
     difference = compare_maps(here.graph, there.graph, poses_a=here.poses, poses_b=there.poses)
-    presence = presence_difference(
-        (here.graph, here.world_s), (there.graph, there.world_s), presence_filter, edges=difference.edges
-    )
+    now, before = (presence_as_if(each.graph, presence_filter, each.world_s) for each in (here, there))
+    presence = presence_changes(before, now, difference.edges)
     changes = there.world.changes_to(here.world)
     world = tuple(each for each in changes if not isinstance(each, PersonMoved | PersonLeft))
     return MapComparison(here, there, both, difference, presence, world)

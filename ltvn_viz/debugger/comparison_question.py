@@ -9,8 +9,8 @@ from typing import TypeGuard
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Key, Step
-from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
+from ltvn_core.analysis.presence_forecast import PresenceState
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
     DAY_S,
@@ -254,14 +254,14 @@ def _add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> tuple
     each."""
     if not (found.here.graph.presence or found.there.graph.presence):
         return ()
-    closed = [each.edge for each in found.presence if presence_state(each.before) is PresenceState.OPEN]
-    returned = [each.edge for each in found.presence if presence_state(each.now) is PresenceState.OPEN]
+    closed = [each.edge for each in found.presence if each.states[0] is PresenceState.OPEN]
+    returned = [each.edge for each in found.presence if each.states[1] is PresenceState.OPEN]
     builder.add_line(f"It is {clock_text(found.here.world_s)} here, and {clock_text(found.there.world_s)} there.")
     builder.add_line(
         Key(CLOSED, f"closed here, not there: {len(closed)}"), Key(RETURNED, f"open again here: {len(returned)}")
     )
     rows = [
-        (edge_link(*each.edge), *(f"{p:.2f} {presence_state(p)}" for p in (each.before, each.now)))
+        (edge_link(*each.edge), f"{each.before:.2f} {each.states[0]}", f"{each.now:.2f} {each.states[1]}")
         for each in found.presence[:_PRESENCE_ROWS]
     ]
     if rows:

@@ -1,28 +1,25 @@
 """Presence of an edge: when it was open and blocked, p(open) now and later, and the plans that p(open) decided.
 
-Owns the texts. The numbers come from `ltvn_core.analysis.edge_presence_history`.
+Owns the texts. The numbers come from `ltvn_core.analysis.presence_forecast`.
 """
 
 import itertools
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import NamedTuple
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, PresenceChart, Strong
-from ltvn_core.analysis.edge_history import EdgeHistory
-from ltvn_core.analysis.edge_presence_history import (
-    PresenceState,
-    PresenceStrip,
-    expected_open_s,
-    observed_presence,
-    presence_as_if,
-    presence_state,
-    presence_strip,
-)
+from ltvn_core.analysis.edge_story import EdgeStory
 from ltvn_core.analysis.plan_explanation import PresenceDecision, explain_decision, presence_decision
+from ltvn_core.analysis.presence_forecast import (
+    PresenceState,
+    expected_open_s,
+    presence_as_if,
+    presence_over_time,
+    presence_state,
+)
 from ltvn_core.analysis.world_clock import DAY_S, clock_text, duration_text
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation
-from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import OBSTRUCTED_ENDS
 from ltvn_core.palette import Rgb8
 from ltvn_core.terminal_text import count_text
@@ -51,8 +48,14 @@ _AHEAD_S: tuple[tuple[str, float], ...] = (
 )
 
 
-_Forecast: TypeAlias = tuple[PresenceStrip, float, tuple[float, ...], float | None]
-"""p(open) over time, the time now, p(open) at the times of `_AHEAD_S` from now, and when it counts as open again."""
+class _Forecast(NamedTuple):
+    now_s: float
+    points: tuple[tuple[float, float], ...]
+    """(time, p(open))."""
+    soon: tuple[float, ...]
+    """p(open) at the times of `_AHEAD_S` from now."""
+    back_s: float | None
+    """When it counts as open again."""
 
 
 class EdgePresencePart:
@@ -62,10 +65,10 @@ class EdgePresencePart:
         """Start with an empty cache."""
         self._latest = LatestAnswer()
 
-    def add_edge(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    def add_edge(self, context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
         """Show when an edge was open, is open and will be open; nothing if no edge was ever seen blocked or
         obstructed."""
-        edge = story.source, story.target
+        edge = story.edge
         if edge not in context.graph.presence:
             _add_unseen(context, story, builder)
             return
@@ -83,11 +86,11 @@ class EdgePresencePart:
             builder.add_line(Strong(_TITLE), " ", Link("all edges that were seen blocked", PointAt(edge[0])))
             builder.add_behind(self._latest)
             _show_forecast(seen, forecast, builder)
-        _looks(context, edge, builder)
+        _looks(context, story, builder)
         _note(context, builder)
 
 
-def _add_unseen(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+def _add_unseen(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
     blocked = sum(each.ended is not None and each.ended.end in OBSTRUCTED_ENDS for each in story.attempts)
     if blocked:
         met = f"An obstacle blocked it in {count_text(blocked, 'attempt')}"
@@ -102,14 +105,14 @@ def _add_unseen(context: DebugContext, story: EdgeHistory, builder: AnswerBuilde
 def _forecast(seen: Sequence[PresenceObservation], presence_filter: PresenceFilter, now_s: float) -> _Forecast:
     history_s = now_s - seen[0].stamp_s
     ahead_s = DAY_S if history_s > _SHORT_HISTORY_S else _HOUR_S
-    strip = presence_strip(seen, presence_filter, strip_times(seen, now_s, ahead_s=ahead_s))
-    soon = presence_strip(seen, presence_filter, [now_s + ahead for _, ahead in _AHEAD_S]).probabilities
-    return strip, now_s, soon, expected_open_s(seen, presence_filter, now_s)
+    times = _chart_times(seen, now_s, now_s + ahead_s)
+    points = tuple(zip(times, presence_over_time(seen, presence_filter, times), strict=True))
+    soon = presence_over_time(seen, presence_filter, [now_s + ahead for _, ahead in _AHEAD_S])
+    return _Forecast(now_s, points, soon, expected_open_s(seen, presence_filter, now_s))
 
 
 def _show_forecast(seen: Sequence[PresenceObservation], forecast: _Forecast, builder: AnswerBuilder) -> None:
-    strip, now_s, soon, back_s = forecast
-    points = tuple(zip(strip.times_s, strip.probabilities, strict=True))
+    now_s, points, soon, back_s = forecast
     looks = tuple(LookMark(each.stamp_s, each.present) for each in seen)
     builder.add_chart(PresenceChart(points, looks, now_s))
     builder.add_line(
@@ -133,15 +136,14 @@ def _state(p: float) -> Coloured:
     return Coloured(state, STATE_COLOURS[state])
 
 
-def _looks(context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> None:
+def _looks(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
     """Show the observations of this run, newest first, each with a link to its moment."""
-    looks = observed_presence(context.timeline, *edge, context.instant)
     rows = []
-    for look in reversed(looks[-_ROWS:]):
-        how = "with the map" if look.cause == "load" else "on an attempt" if look.attempt is not None else "from afar"
-        seen = "open" if look.observation.present else "blocked"
-        when = clock_text(look.observation.stamp_s)
-        rows.append((when, seen, how, time_link(context.seconds(look.instant))))
+    for row in reversed(story.looks[-_ROWS:]):
+        if row.seen is not None:
+            how = "with the map" if row.cause == "load" else "on an attempt" if row.attempt is not None else "from afar"
+            when, seen = clock_text(row.seen.stamp_s), "open" if row.seen.present else "blocked"
+            rows.append((when, seen, how, time_link(context.seconds(row.instant))))
     builder.add_table(("when", "seen", "learned", "moment"), rows)
 
 
@@ -176,12 +178,12 @@ def _note(context: DebugContext, builder: AnswerBuilder) -> None:
         )
 
 
-def strip_times(observations: Sequence[PresenceObservation], now_s: float, *, ahead_s: float) -> tuple[float, ...]:
+def _chart_times(observations: Sequence[PresenceObservation], now_s: float, last_s: float) -> tuple[float, ...]:
     """Return the times at which p(open) is drawn: evenly spaced from the first observation, and around each one."""
     first = min([now_s - 600.0, *(seen.stamp_s for seen in observations)])
     first = max(first - 0.02 * (now_s - first), now_s - 8 * DAY_S)
     count = 120
-    even = [first + (now_s + ahead_s - first) * number / count for number in range(count + 1)]
+    even = [first + (last_s - first) * number / count for number in range(count + 1)]
     looks = [at_s for seen in observations for at_s in (seen.stamp_s - 1e-3, seen.stamp_s)]
     return tuple(sorted({*even, now_s, *(at_s for at_s in looks if at_s >= first)}))
 
@@ -199,14 +201,14 @@ class EdgeDecisionsPart:
         """Start with an empty cache."""
         self._latest = LatestAnswer()
 
-    def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+    def add(self, context: DebugContext, story: EdgeStory | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
         """Explain the last plan in which an edge was driven or avoided although it was last seen blocked; return the
         strokes.
 
-        Without `edge`, explain the last such plan of any edge. Earlier such plans are listed with links. Adds nothing
-        if the edge was never observed, or plans ignore presence.
+        Without the story of an edge, explain the last such plan of any edge. Earlier such plans are listed with links.
+        Adds nothing if the edge was never observed, or plans ignore presence.
         """
-        seen = context.graph.presence if edge is None else observed_presence(context.timeline, *edge, context.instant)
+        edge, seen = (None, context.graph.presence) if story is None else (story.edge, story.looks)
         if context.presence_filter is None or not seen:
             return ()
         found = self._decisions(context)

@@ -1,6 +1,7 @@
 """The edge microscope: images, prediction, belief and attempts of an edge, then the reasons for them, and its presence.
 
-Owns the order of the parts, and the first of them; the others are `edge_reasons` and `edge_presence`.
+Owns the order of the parts. `ltvn_core.analysis.edge_story` finds what happened to the edge, `edge_explanation` writes
+the reasons, and `edge_presence` shows when it is open.
 """
 
 import re
@@ -21,17 +22,21 @@ from ltvn_core.analysis.answer import (
     StepChart,
     Strong,
     Term,
+    joined,
 )
-from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeRemoval, TimedBelief, edge_history
-from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS
+from ltvn_core.analysis.edge_explanation import explain_edge, explain_node
+from ltvn_core.analysis.edge_story import EdgeRow, EdgeStory, edge_story
+from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS, Reason, explain_planned_edge
+from ltvn_core.analysis.timeline_records import AttemptRecord, MarkKind
 from ltvn_core.errors import OptionError
-from ltvn_core.geometry import compose
+from ltvn_core.geometry import compose, distance
+from ltvn_core.graph.deltas import Edge
+from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import count_text
-from ltvn_core.types import Waypoint
+from ltvn_core.types import NodeId, Waypoint
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_presence import EdgeDecisionsPart, EdgePresencePart, add_all_edges
-from ltvn_viz.debugger.edge_reasons import add_edge_reasons, add_node_reasons
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_map, time_link
 from ltvn_viz.session.inspection import (
     NOTHING_SELECTED,
@@ -44,21 +49,10 @@ from ltvn_viz.session.inspection import (
 )
 from ltvn_viz.wishes.commands import PointAt
 
-
-def add_later_changes(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    """Report when an edge is removed from the map or added after the moment; nothing if neither happens."""
-    later = edge_history(context.timeline, story.source, story.target)
-    if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
-        builder.add_line("Later it is removed, at ", time_link(context.seconds(end.instant)), ".")
-    elif not story.alive and len(later.lifetimes) > len(story.lifetimes):
-        added_at = later.lifetimes[len(story.lifetimes)].added_at
-        again = "back " if story.lifetimes else ""
-        builder.add_line(f"Later it is added {again}at ", time_link(context.seconds(added_at)), ".")
-
-
 _ATTEMPTS = 40
-
-
+_SENTENCES = 8
+"""Maximum number of sentences; of a longer chain, only the beginning and the end are shown."""
+_GONE = 12
 _HOW_TO_POINT = Step(
     "Click an edge, or a node and then its neighbour; or type two numbers to ask about an edge.",
     "Ask about an edge by --edge FROM TO, or about a node by --node NODE.",
@@ -107,75 +101,88 @@ class EdgeQuestion(Question[Never]):
                 edge = graph.edges[node, target]
                 rows.append((edge_link(node, target), f"{edge.belief.p:.2f}", edge.action or f"{edge.belief.mu:.2f}"))
             builder.add_table(("edge", "p", "length (mu), or action"), rows)
-            add_node_reasons(context, node, selection.before, builder)
+            _add_node_reasons(context, node, selection.before, builder)
         strokes = add_all_edges(context, builder) + self._decisions.add(context, None, builder)
         return Overlay(strokes, {} if node is None else {node: palette.SOURCE})
 
     def _edge(self, context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> Overlay:
         source, target = edge
-        story = edge_history(context.timeline, source, target, context.instant)
+        story = edge_story(context.timeline, source, target, context.instant)
         builder.add_line("Edge ", Strong(f"{source} → {target}"), " · ", Link("the way back", PointAt(target, source)))
-        if story.lifetimes:
-            _add_prediction(context, story, builder)
-            _add_beliefs(context, story, builder)
-        add_later_changes(context, story, builder)
-        if story.attempts and story.lifetimes:
-            builder.add_line(Strong("Attempts"))
-            rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
-            builder.add_table(("when", "from", "result", "d", "r"), rows)
-        elif story.lifetimes:
-            before = story.lifetimes[-1].beliefs[0].attempts
-            earlier = f"; {count_text(before, 'attempt')} were loaded with the map" if before else ""
-            builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
-        add_edge_reasons(context, story, builder)
+        if story.last is not None:
+            _add_prediction(context, story, story.last, builder)
+            _add_beliefs(context, story, story.last, builder)
+        _add_later_change(context, story, builder)
+        if story.last is not None:
+            _add_attempts(context, story, story.last, builder)
+        _add_edge_reasons(context, story, builder)
         self._presence.add_edge(context, story, builder)
-        return _overlay(context, story, self._decisions.add(context, edge, builder))
+        return _overlay(context, story, self._decisions.add(context, story, builder))
 
 
-def _add_prediction(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    life = story.lifetimes[-1]
+def _add_prediction(context: DebugContext, story: EdgeStory, edge: Edge, builder: AnswerBuilder) -> None:
     action = _action(context, story)
-    waypoint = None if action else np.array(life.waypoint)
+    waypoint = None if action else np.array(edge.waypoint)
     builder.add_pictures(
         Picture(context.observation(story.source), f"from {story.source}", context.camera, waypoint),
         Picture(context.observation(story.target), f"to {story.target}", context.camera),
     )
     if waypoint is None:
-        cost_m = life.beliefs[-1].belief.mu
         builder.add_line(
             "The robot does not drive it. It waits for the action ",
             Strong(action),
-            f", which counts as {cost_m:.1f} m of driving in a plan.",
+            f", which counts as {edge.belief.mu:.1f} m of driving in a plan.",
         )
         return
-    foretold = _number(life.initial_reachability)
-    builder.add_line(f"Predicted: {_where(waypoint)}; ", Term("r"), f"\u00a0{foretold}.")
+    first = story.life[0].after
+    # p of an edge that was not driven before it was added is r of the prediction.
+    foretold = None if first is None or first.attempts else first.belief.p
+    builder.add_line(f"Predicted: {_where(waypoint)}; ", Term("r"), f"\u00a0{_number(foretold)}.")
 
 
-def _action(context: DebugContext, story: EdgeHistory) -> str:
+def _action(context: DebugContext, story: EdgeStory) -> str:
     """Return the action that the edge needs now; empty if it is driven, or not in the map."""
-    edge = context.graph.edges.get((story.source, story.target))
+    edge = context.graph.edges.get(story.edge)
     return "" if edge is None else edge.action
 
 
-def _add_beliefs(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    beliefs = [each for life in story.lifetimes for each in life.beliefs]
-    now = beliefs[-1].belief
+def _add_beliefs(context: DebugContext, story: EdgeStory, edge: Edge, builder: AnswerBuilder) -> None:
+    now = edge.belief
     length = (Term("length (mu)"), " ", Strong(f"{now.mu:.2f}"), f" ± {now.sigma2**0.5:.2f} · ")
-    added_at = story.lifetimes[-1].added_at
     builder.add_line(
         *(Term("p"), " ", Strong(f"{now.p:.2f}"), " · "),
         *(() if _action(context, story) else length),
-        *("in the map since " if story.alive else "came at ", time_link(context.seconds(added_at)), " · "),
-        f"in {count_text(len(story.planned_at), 'plan')}",
+        "in the map since " if story.alive else "came at ",
+        time_link(context.seconds(story.life[0].instant)),
+        f" · in {count_text(len(story.planned_at), 'plan')}",
     )
-    builder.add_chart(_belief_chart(context, beliefs))
-    if (end := story.lifetimes[-1].end) is not None:
-        builder.add_line("It was removed at ", time_link(context.seconds(end.instant)), f" {_departed(end)}.")
+    builder.add_chart(_belief_chart(context, story))
+    if story.end is not None:
+        when = time_link(context.seconds(story.end.instant))
+        builder.add_line("It was removed at ", when, f" {_departed(story.end)}.")
 
 
-def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> StepChart:
-    points = tuple((context.seconds(each.instant), each.belief.p) for each in beliefs)
+def _add_later_change(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
+    """Report when an edge is removed from the map or added after the moment; nothing if neither happens."""
+    later = edge_story(context.timeline, story.source, story.target).rows[len(story.rows) :]
+    change = next((row for row in later if row.is_addition or row.is_removal), None)
+    if change is not None:
+        does = "is removed," if change.is_removal else "is added back" if story.life else "is added"
+        builder.add_line(f"Later it {does} at ", time_link(context.seconds(change.instant)), ".")
+
+
+def _add_attempts(context: DebugContext, story: EdgeStory, edge: Edge, builder: AnswerBuilder) -> None:
+    if story.attempts:
+        builder.add_line(Strong("Attempts"))
+        rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
+        builder.add_table(("when", "from", "result", "d", "r"), rows)
+        return
+    earlier = f"; {count_text(edge.attempts, 'attempt')} were loaded with the map" if edge.attempts else ""
+    builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
+
+
+def _belief_chart(context: DebugContext, story: EdgeStory) -> StepChart:
+    points = tuple((context.seconds(instant), edge.belief.p) for instant, edge in story.beliefs)
     now_s = context.seconds(context.instant)
     last_s = max(now_s, points[0][0] + 1.0)
     return StepChart(
@@ -188,7 +195,7 @@ def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> Step
     )
 
 
-def _departed(end: EdgeRemoval) -> str:
+def _departed(end: EdgeRow) -> str:
     """Return the reason why an edge was removed from the map."""
     if end.whole_map:
         return f"because another map replaced this one, {CAUSE_TEXTS[end.cause]}"
@@ -199,14 +206,14 @@ def _departed(end: EdgeRemoval) -> str:
     return CAUSE_TEXTS[end.cause]
 
 
-def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, ...]) -> Overlay:
+def _overlay(context: DebugContext, story: EdgeStory, decided: tuple[Stroke, ...]) -> Overlay:
     ends = {story.source: palette.SOURCE, story.target: palette.TARGET}
     start = context.pose(story.source)
     end = context.pose(story.target)
     if start is None or end is None:
         return Overlay(decided, ends)
-    is_driven = story.lifetimes and not _action(context, story)
-    ghost = tuple(compose(start, np.array(story.lifetimes[-1].waypoint)).tolist()) if is_driven else None
+    is_driven = story.last is not None and not _action(context, story)
+    ghost = tuple(compose(start, np.array(story.last.waypoint)).tolist()) if story.last and is_driven else None
     return Overlay(
         strokes=decided or (stroke(start, end, palette.TARGET),),
         nodes=ends,
@@ -214,10 +221,10 @@ def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, .
     )
 
 
-def _attempt(context: DebugContext, row: EdgeAttempt) -> tuple[Inline, ...]:
-    localised, ended = row.record.localised, row.ended
+def _attempt(context: DebugContext, attempt: AttemptRecord) -> tuple[Inline, ...]:
+    localised, ended = attempt.localised, attempt.ended
     at = "–" if localised is None or localised.node is None else str(localised.node)
-    begin = time_link(context.seconds(row.begin))
+    begin = time_link(context.seconds(attempt.begin))
     if ended is None:
         return begin, at, Hint("under way", "it has not ended"), "–", "–"
     result = Hint("success" if ended.succeeded else ended.end.failure, ended.reason)
@@ -234,3 +241,87 @@ def _where(waypoint: Waypoint) -> str:
 
 def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
+
+
+def _add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None, builder: AnswerBuilder) -> None:
+    """Explain why a node exists, and link its missing edges; `before` was selected before it."""
+    reasons = explain_node(context.timeline, node, at=context.instant)
+    _chain(context, f"Why is node {node} in the map?", reasons, builder)
+    if before not in (None, node):
+        builder.add_line(Link(f"Why is there no edge {before} → {node}?", PointAt(before, node)))
+    gone = dict.fromkeys(
+        mark.ids for mark in context.timeline.marks_until(context.instant, MarkKind.PRUNE) if node in mark.ids[:2]
+    )
+    links = [edge_link(*ids) for ids in [*gone][-_GONE:] if len(ids) == 2]
+    if links:
+        builder.add_line("Edges that were pruned here: ", joined(links, ", "), ".")
+
+
+def _add_edge_reasons(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
+    """Explain why an edge is missing, was removed, or has its p, and why the last plan through it was made."""
+    if story.last is None:
+        title = "Why is it missing?"
+    elif story.end is not None:
+        title = "Why is it gone?"
+    else:
+        p = story.last.belief.p
+        title = f"Why is its belief so low, p = {p:.2f}?" if p < 0.5 else f"Why is p = {p:.2f}?"
+    reasons = explain_edge(
+        context.timeline,
+        *story.edge,
+        at=context.instant,
+        believing=context.method.believing,
+        seen=_seen(context, story.edge) if story.last is None else None,
+        thresholds=OperatorThresholds.building(context.method.building),
+    )
+    _chain(context, title, reasons, builder)
+    if story.planned_at:
+        _chosen(context, story, builder)
+    elif story.last is not None:
+        builder.add_line("No plan has led through it yet.")
+
+
+def _chosen(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
+    timeline = context.timeline.copy()
+    last = story.planned_at[-1]
+    rules = context.rules
+    # Replanning is slow on a large map, and the answer stays valid until the next plan.
+    reasons = context.in_background(
+        ("chosen", context.name, context.start_s, story.edge, last),
+        lambda: explain_planned_edge(timeline, *story.edge, rules, at=last),
+    )
+    title = "Why was it chosen?"
+    if reasons is None:
+        builder.add_pending("Planning once more without it", title=title)
+    else:
+        _chain(context, title, reasons, builder)
+        if context.rules_note:
+            builder.add_line(context.rules_note)
+
+
+def _chain(context: DebugContext, title: str, reasons: Sequence[Reason], builder: AnswerBuilder) -> None:
+    builder.add_line(Strong(title))
+    left_out = len(reasons) - _SENTENCES
+    for number, reason in enumerate(reasons):
+        if left_out > 0 and 1 <= number <= left_out:
+            if number == 1:
+                builder.add_line(f"… {left_out} more like these …")
+            continue
+        when: list[Inline] = [] if reason.instant is None else [time_link(context.seconds(reason.instant)), " "]
+        builder.add_line(when, reason.text.replace("->", "→"))
+
+
+def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:
+    """Return (r, d) of the pair by the network in use; None without images or while it is computed."""
+    views = [context.observation(node) for node in edge]
+    pictures = [image for seen in views if seen is not None and (image := context.as_compared(seen)) is not None]
+    predictor = context.predictor
+    if len(pictures) < len(views):
+        return None
+
+    def compare() -> tuple[float, float]:
+        features = predictor.encode(pictures)
+        said = predictor.predict(features[:1], features[1:])
+        return float(said.reachability[0]), float(distance(said.waypoints)[0])
+
+    return context.in_background(("pair", context.name, predictor.fingerprint, edge), compare)

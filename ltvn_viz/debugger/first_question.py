@@ -11,7 +11,6 @@ from typing import Never
 import numpy as np
 
 from ltvn_core.analysis.answer import Link, Picture, Strong
-from ltvn_core.analysis.edge_history import pole_in_image
 from ltvn_core.analysis.failure_triage import FailedQuery, FailureMode, failed_query
 from ltvn_core.analysis.mapping_advice import advise_mapping
 from ltvn_core.analysis.timeline import Timeline
@@ -188,9 +187,9 @@ def _add_view(context: DebugContext, attempt: AttemptRecord | None, at: Instant,
 
 
 def _view(context: DebugContext, seen: Observation, target: NodeId, waypoint: Waypoint) -> Picture:
-    is_seen = pole_in_image(waypoint, context.camera) is not None
-    where = "the pole stands where" if is_seen else "out of it is where"
-    return Picture(seen, f"what the robot saw; {where} it expected node {target}", context.camera, waypoint)
+    picture = Picture(seen, "", context.camera, waypoint)
+    where = "out of it is where" if picture.pole is None else "the pole stands where"
+    return picture._replace(caption=f"what the robot saw; {where} it expected node {target}")
 
 
 def _edge(attempt: AttemptRecord | None) -> EdgeKey | None:

@@ -1,7 +1,7 @@
 """What if: the old and the new plan side by side."""
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -9,8 +9,8 @@ from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, Step, Strong, joined
-from ltvn_core.analysis.edge_history import edge_history
-from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
+from ltvn_core.analysis.edge_story import edge_story
+from ltvn_core.analysis.presence_forecast import presence_changes
 from ltvn_core.analysis.replanning import EdgeCostParts, Moment, PlanDifference, Rules, imagine, moment_at, replan
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
@@ -27,7 +27,6 @@ from ltvn_core.analysis.what_if_changes import (
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay, clock_text
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
-from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_map, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
@@ -203,10 +202,10 @@ def _about(change: WhatIfChange) -> Hashable:
 def _say_when_it_was(context: DebugContext, changes: Sequence[WhatIfChange], builder: AnswerBuilder) -> None:
     """Name a moment for each edge of the changes that the map has at other moments only."""
     for edge in [(each.source, each.target) for each in changes if isinstance(each, WithoutEdge | WithBelief)]:
-        lives = [] if edge in context.graph.edges else edge_history(context.timeline, *edge).lifetimes
-        if lives:
-            begin_s = context.seconds(lives[-1].added_at)
-            end = lives[-1].end
+        story = edge_story(context.timeline, *edge)
+        if story.life and edge not in context.graph.edges:
+            begin_s = context.seconds(story.life[0].instant)
+            end = story.end
             moment_s = begin_s if end is None else max(begin_s, context.seconds(end.instant) - _BEFORE_REMOVAL_S)
             when = f"{math.ceil(moment_s * 1000) / 1000:g}"
             builder.add_line(
@@ -252,20 +251,12 @@ def _add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     now, then = plans.old.open_edges, plans.new.open_edges
     count, before = (sum(p >= OPEN_ABOVE for p in each.values()) for each in (then, now))
     builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would count as open, now {before}.")
-    changed = [edge for edge in then if _state_of(now, edge) is not _state_of(then, edge)]
+    changed = presence_changes(now, then, {edge: edge for edge in then})
     rows = [
-        (
-            edge_link(*edge),
-            f"{now.get(edge, 1.0):.2f} {_state_of(now, edge)}",
-            f"{then[edge]:.2f} {_state_of(then, edge)}",
-        )
-        for edge in changed[:_ROWS]
+        (edge_link(*each.edge), f"{each.before:.2f} {each.states[0]}", f"{each.now:.2f} {each.states[1]}")
+        for each in changed[:_ROWS]
     ]
     if rows:
         builder.add_table(("edge", "p open now", "p open then"), rows)
     if len(changed) > _ROWS:
         builder.add_line(f"… and {len(changed) - _ROWS} more.")
-
-
-def _state_of(probabilities: Mapping[EdgeKey, float], edge: EdgeKey) -> PresenceState:
-    return presence_state(probabilities.get(edge, 1.0))

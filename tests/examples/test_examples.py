@@ -78,14 +78,14 @@ def test_questions_are_answered_from_python(tmp_path: Path) -> None:
     assert "query 2 failed (wrong arrival, false edge)" in said
     assert "The first map has a gap" in said
     assert "It was removed at 9.6 s because attempt 7 failed." in said
-    assert "gone at step 3383: It was pruned after attempt 7" in said
+    assert "at step 3383: It was pruned after attempt 7" in said
 
 
 def test_p_of_an_edge_is_read_with_rerun_and_plotted(tmp_path: Path) -> None:
     said = run("10_plot_p_of_an_edge.py", tmp_path / "p.png", cwd=tmp_path)
     recording = ltvn.Recording.open(EXAMPLES.parent / "recordings" / "demo-fault.rrd")
-    (life,) = ltvn.analysis.edge_history(ltvn.Timeline.of(recording.events), 1489, 2621).lifetimes
-    believed = [f"{each.instant.stamp:.1f} s  p = {each.belief.p:.3f}" for each in life.beliefs]
+    story = ltvn.analysis.edge_story(ltvn.Timeline.of(recording.events), 1489, 2621)
+    believed = [f"{instant.stamp:.1f} s  p = {edge.belief.p:.3f}" for instant, edge in story.beliefs]
     assert [line.strip() for line in said.splitlines()[:-1]] == [*believed, "338.1 s  p = 0.000"]
     assert (tmp_path / "p.png").stat().st_size > 5_000
 

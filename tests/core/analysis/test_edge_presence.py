@@ -5,8 +5,9 @@ import itertools
 import pytest
 
 from examples.presence_plugin.presence_filters import FREMEN
-from ltvn_core.analysis import edge_presence_history as h
+from ltvn_core.analysis import presence_forecast as h
 from ltvn_core.analysis import world_clock as clock
+from ltvn_core.analysis.edge_story import edge_story
 from ltvn_core.analysis.plan_explanation import PresenceDecision, explain_decision, presence_decision
 from ltvn_core.analysis.replanning import Moment, Rules, moment_at, replan
 from ltvn_core.analysis.timeline import Timeline
@@ -47,26 +48,29 @@ def run_with(observations: list[PresenceObservation]) -> list[StampedEvent]:
 
 def test_what_was_observed_of_an_edge_is_found_in_its_recording() -> None:
     timeline = Timeline.of(run_with(OPENED))
-    found = h.observed_presence(timeline, 1, 2)
-    assert [each.observation for each in found] == OPENED
+    found = edge_story(timeline, 1, 2).looks
+    assert [each.seen for each in found] == OPENED
     assert [each.attempt for each in found] == [0, 1, 2]
-    assert h.observed_presence(timeline, 1, 2, found[1].instant) == found[:2]
-    assert not h.observed_presence(timeline, 2, 1)
+    assert edge_story(timeline, 1, 2, found[1].instant).looks == found[:2]
+    assert not edge_story(timeline, 2, 1).looks
 
 
 def test_the_strip_tells_what_was_known_at_each_time_and_not_later() -> None:
-    strip = h.presence_strip(OPENED, PERSISTENT, [0.0, 101.0, 701.0, 3999.0, 4001.0])
-    assert strip.states[0] is h.PresenceState.OPEN
-    assert strip.states[1:3] == (h.PresenceState.CLOSED, h.PresenceState.CLOSED)
-    assert strip.states[3] is h.PresenceState.UNKNOWN
-    assert strip.states[4] is h.PresenceState.OPEN
-    assert h.presence_strip(CLOSED_TWICE, PERSISTENT, strip.times_s[:4]).probabilities == strip.probabilities[:4]
+    times_s = [0.0, 101.0, 701.0, 3999.0, 4001.0]
+    found = h.presence_over_time(OPENED, PERSISTENT, times_s)
+    states = h.PresenceState
+    assert [*map(h.presence_state, found)] == [
+        *(states.OPEN, states.CLOSED, states.CLOSED),
+        *(states.UNKNOWN, states.OPEN),
+    ]
+    assert h.presence_over_time(CLOSED_TWICE, PERSISTENT, times_s[:4]) == found[:4]
 
 
 def test_a_closed_edge_is_expected_back_and_an_open_one_is_not() -> None:
     back_s = h.expected_open_s(CLOSED_TWICE, PERSISTENT, 701.0)
     assert back_s is not None
-    before, after = h.presence_strip(CLOSED_TWICE, PERSISTENT, [back_s * 0.8, back_s * 1.1]).states
+    found = h.presence_over_time(CLOSED_TWICE, PERSISTENT, [back_s * 0.8, back_s * 1.1])
+    before, after = map(h.presence_state, found)
     assert (before, after) == (h.PresenceState.UNKNOWN, h.PresenceState.OPEN)
     assert h.expected_open_s(OPENED, PERSISTENT, 4001.0) is None
 
@@ -206,7 +210,8 @@ def test_a_map_where_nothing_was_seen_blocked_differs_by_what_is_closed_in_the_o
     timeline = run(around=3.0, waited_s=1.0)
     here, there = timeline.graph_at(), TopologicalGraph([each.delta for each in through_the_door(3.0)])
     same = {edge: edge for edge in there.edges}
-    (change,) = h.presence_difference((here, EIGHT + 20), (there, 0.0), PERSISTENT, edges=same)
+    now, before = (h.presence_as_if(graph, PERSISTENT, at) for graph, at in ((here, EIGHT + 20), (there, 0.0)))
+    (change,) = h.presence_changes(before, now, same)
     assert change.edge == (1, 2)
     assert change.now < 0.5 < change.before == 1.0
 

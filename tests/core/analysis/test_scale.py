@@ -5,10 +5,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from ltvn_core.analysis import edge_explanation as why
-from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.edge_explanation import explain_edge
+from ltvn_core.analysis.edge_story import edge_story
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.lifelong_success import lifelong_success
+from ltvn_core.analysis.plan_explanation import explain_planned_edge
 from ltvn_core.analysis.replanning import Rules
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind
@@ -51,10 +52,10 @@ def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent
     assert (len(timeline.queries), len(timeline.attempts)) == (QUERIES, QUERIES * LEGS)
     assert sum(mark.kind is MarkKind.FAILURE for mark in timeline.marks) == QUERIES // 10
     assert len(timeline.graph_at().edges) == 49_985
-    story = edge_history(timeline, LEGS - 1, LEGS)
+    story = edge_story(timeline, LEGS - 1, LEGS)
     assert (len(story.attempts), len(story.planned_at)) == (QUERIES, QUERIES * LEGS)
-    assert len(why.explain_pruned_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
-    assert len(why.explain_planned_edge(timeline, 0, 1, Rules(PAPER))) == 3
+    assert len(explain_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
+    assert len(explain_planned_edge(timeline, 0, 1, Rules(PAPER))) == 3
     assert len(failed_queries(timeline)) == QUERIES // 10
     assert lifelong_success(timeline).edges.tolist() == [49_985] * QUERIES
 

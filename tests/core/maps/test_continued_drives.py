@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.edge_explanation import explain_edge_belief
+from ltvn_core.analysis.edge_explanation import explain_edge
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
@@ -100,8 +100,7 @@ def test_a_saved_map_still_knows_which_edges_odometry_made_and_tells(tmp_path: P
     joint = joints(built)[0]
     ordinary = next(edge for edge in built.graph.edges.values() if not edge.by_odometry)
     told = [
-        " ".join(step.text for step in explain_edge_belief(timeline, edge.source, edge.target))
-        for edge in (joint, ordinary)
+        " ".join(step.text for step in explain_edge(timeline, edge.source, edge.target)) for edge in (joint, ordinary)
     ]
     assert ["odometry" in text for text in told] == [True, False]
 

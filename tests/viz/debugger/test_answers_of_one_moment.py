@@ -11,7 +11,7 @@ import pytest
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Answer, CalibrationChart, Paragraph, PresenceChart, StepChart, Table
 from ltvn_core.analysis.answer_text import answer_text, line_text
-from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.edge_story import edge_story
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.graph.deltas import Cause, GraphDelta, PresenceObserved
@@ -163,7 +163,7 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
                 assert set(both.values()) == {(f"{belief.p:.2f}", f"{belief.mu:.2f}")}, (edge, seconds, both)
                 assert set(ps.values()) == {f"{belief.p:.2f}"}, (edge, seconds, ps)
                 assert {"edge", "edges of the node", "title of the reasons", "scene"} <= {*both, *ps}
-            elif edge_history(replay.timeline, *edge, replay.instant).lifetimes:
+            elif edge_story(replay.timeline, *edge, replay.instant).life:
                 assert set(both) <= {"edge"}  # It says what was believed last.
                 assert ps.pop(QuestionName.COMPARE, "–") == "–"
                 assert set(ps) <= {"curve"}

@@ -20,7 +20,7 @@ from ltvn_core.analysis.failure_triage import (
     group_by_place,
 )
 from ltvn_core.analysis.lifelong_success import LifelongSuccess, SuccessDip, lifelong_success
-from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted_edges, map_gap
+from ltvn_core.analysis.map_findings import MapFinding, contradicted_edges, map_gap
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
@@ -319,25 +319,14 @@ def _add_map_faults(context: DebugContext, failure: FailedQuery, builder: Answer
     question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
     start = failure.node if failure.query.outcome is Outcome.NO_PATH else None
 
-    def search() -> tuple[tuple[ContradictedEdge, ...], MapGap | None]:
+    def search() -> list[MapFinding]:
         """Search for the faults; runs in the worker's thread."""
-        return contradicted_edges(graph), None if start is None else map_gap(graph, start, failure.query.goal)
+        gap = None if start is None else map_gap(graph, start, failure.query.goal)
+        return [*contradicted_edges(graph)[:_MAP_ROWS], *([] if gap is None else [gap])]
 
-    faults: tuple[tuple[ContradictedEdge, ...], MapGap | None] | None = context.in_background(question, search)
+    faults: list[MapFinding] | None = context.in_background(question, search)
     if faults is None:
         builder.add_pending("Searching the map")
         return
-    contradicted, gap = faults
-    if contradicted:
-        builder.add_line("Odometry contradicts edges of the first map: their ends may be two places that look alike.")
-        shown = contradicted[:_MAP_ROWS]
-        rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in shown]
-        builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
-    if gap is not None:
-        builder.add_line(
-            f"The first map has a gap: paths lead from node {gap.start} to {gap.reached} nodes, and from {gap.leading} "
-            f"other nodes to node {gap.goal}."
-        )
-        nearest = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
-        if nearest:
-            builder.add_table(("nearest across the gap", "d by odometry"), nearest)
+    for fault in faults:
+        builder.add_map_finding(fault)

@@ -1,7 +1,7 @@
 """The first answer: how the query at the moment went, in three sentences, one image, and the next two questions.
 
 Owns its words. The cause of a failure comes from `ltvn_core.analysis.failure_triage`, what a map lacks from
-`ltvn_core.analysis.mapping_advice`.
+`ltvn_core.analysis.map_findings`.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ import numpy as np
 
 from ltvn_core.analysis.answer import Link, Picture, Strong
 from ltvn_core.analysis.failure_triage import FailedQuery, FailureMode, failed_query
-from ltvn_core.analysis.mapping_advice import advise_mapping
+from ltvn_core.analysis.map_findings import map_findings
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, QueryRecord
 from ltvn_core.analysis.what_if_changes import WithoutEdge
@@ -107,8 +107,8 @@ def _weakness(timeline: Timeline, instant: Instant) -> tuple[str, Edge]:
     """Return what a map lacks in one sentence, and the edge with the lowest p; runs in the worker's thread."""
     graph = timeline.graph_at(instant)
     nodes = sorted(graph.nodes)
-    advice = advise_mapping(graph, nodes, np.array([graph.nodes[node].odometry for node in nodes]))
-    return advice.hint.text, min(graph.edges.values(), key=lambda edge: edge.belief.p)
+    found = map_findings(graph, nodes, np.array([graph.nodes[node].odometry for node in nodes]))
+    return found[0].finding.text, min(graph.edges.values(), key=lambda edge: edge.belief.p)
 
 
 def _failed(context: DebugContext, query: QueryRecord, builder: AnswerBuilder) -> None:

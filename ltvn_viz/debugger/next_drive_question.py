@@ -1,14 +1,15 @@
 """Mapping advice: the gaps in the map so far, and the place to drive to next."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Never
 
 import numpy as np
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Link, Strong, joined
+from ltvn_core.analysis.answer import Link
 from ltvn_core.analysis.localisation_confidence import features_of
-from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
+from ltvn_core.analysis.map_findings import MapFinding, map_findings
 from ltvn_core.config import Method
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.matching import Matcher
@@ -19,9 +20,9 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, is_live
 from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.live_map import LiveMap
-from ltvn_viz.wishes.commands import Action, Ask, PointAt
+from ltvn_viz.wishes.commands import Action, Ask
 
-_LOOPS = 4
+_SHOWN = 4
 _COLOURED = 500
 
 
@@ -57,13 +58,20 @@ class NextDriveQuestion(Question[Never]):
         if found is None:
             builder.add_pending("Checking your drive")
             return builder.build()
-        _say(found, builder)
+        weak = [each for each in found[1:] if each.finding.remedy]
+        builder.add_map_finding(found[0], is_first=True)
+        for each in weak[:_SHOWN]:
+            builder.add_map_finding(each)
+        if len(weak) > _SHOWN:
+            builder.add_line(f"… and {len(weak) - _SHOWN} more.")
+        for each in found[1 + len(weak) :]:
+            builder.add_map_finding(each)
         return builder.build(_overlay(context, found, seen))
 
 
 def _advise(
     live_map: LiveMap, graph: TopologicalGraph, seen: Observation, predictor: Predictor, method: Method
-) -> MappingAdvice:
+) -> tuple[MapFinding, ...]:
     """Compute the advice; runs in the worker's thread, which owns the images."""
     drive = {each.step: each.odometry for each in live_map.observations() if each.step <= seen.step}
     drive[seen.step] = seen.odometry
@@ -71,35 +79,16 @@ def _advise(
     matcher = Matcher(predictor, live_map.keyframes, method.matching)
     nodes = [node for node in graph.nodes if node in live_map.keyframes]
     current = matcher.match(features_of(seen, matcher, predictor), nodes) if nodes else None
-    return advise_mapping(graph, steps, np.array([drive[step] for step in steps]), current)
+    return map_findings(graph, steps, np.array([drive[step] for step in steps]), current)
 
 
-def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
-    builder.add_line(Strong(str(advice.hint)))
-    strongly_connected_components = len(advice.strongly_connected_components)
-    builder.add_line(
-        "The map is in one piece."
-        if strongly_connected_components == 1
-        else f"The map is in {strongly_connected_components} pieces."
-    )
-    links = [
-        Link(f"{each.first} ↔ {each.second}", PointAt(each.first, each.second)) for each in advice.missing_closures
-    ]
-    more = f" and {len(links) - _LOOPS} more" if len(links) > _LOOPS else ""
-    builder.add_line("Loops not closed: ", joined(links[:_LOOPS] or ["none"]), f"{more}.")
-    builder.add_line(f"Places seen from one side only: {len(advice.one_sided_places)}.")
-    if advice.novelty is not None:
-        builder.add_line(f"The view now is {advice.novelty:.0%} new.")
-
-
-def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) -> Overlay:
-    loops = [(loop.first, loop.second) for loop in advice.missing_closures]
-    strokes = context.strokes(loops, palette.EDGE_REMOVED)
-    apart = [node for part in advice.strongly_connected_components[1:] for node in part][:_COLOURED]
+def _overlay(context: DebugContext, found: Sequence[MapFinding], seen: Observation) -> Overlay:
+    strokes = context.strokes((edge for each in found for edge, _ in each.pairs), palette.EDGE_REMOVED)
+    apart = [node for each in found for node in each.nodes][:_COLOURED]
     ghosts = ()
-    if advice.target is not None:
+    if found[0].target is not None:
         # Advice is in the odometry frame, which drifts away from the frame of the drawing.
         here = seen.odometry if seen.exact_pose is None else seen.exact_pose
-        target = compose(here, relative(seen.odometry, np.array(advice.target)))
+        target = compose(here, relative(seen.odometry, np.array(found[0].target)))
         ghosts = ((float(target[0]), float(target[1]), float(target[2])),)
     return Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)

@@ -8,7 +8,8 @@ from typing import Generic, TypeVar
 
 from ltvn_core import palette
 from ltvn_core.analysis import answer
-from ltvn_core.analysis.answer import Answer, Link, Pending, Strong, joined
+from ltvn_core.analysis.answer import Answer, Inline, Link, Pending, Strong, joined
+from ltvn_core.analysis.map_findings import MapFinding
 from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
@@ -55,6 +56,14 @@ class AnswerBuilder(answer.AnswerBuilder):
     def add_next(self, *links: Link) -> None:
         """Add the next questions as buttons; in a terminal, as commands."""
         self.add_line(joined([link._replace(is_button=True) for link in links], " "))
+
+    def add_map_finding(self, found: MapFinding, *, is_first: bool = False) -> None:
+        """Add a weakness of a map and links to its pairs of nodes; the first one of a list in bold."""
+        several = len(found.pairs) > 1
+        links: list[Inline] = []
+        for edge, apart in found.pairs:
+            links += [" ", edge_link(*edge), f" ({apart:.2f})" * several]
+        self.add_line(Strong(str(found.finding)) if is_first else str(found.finding), links)
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
         """Return the collected answer."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.analysis.floors import number_floors
-from ltvn_core.analysis.map_faults import contradicted_edges, map_gap
+from ltvn_core.analysis.map_findings import contradicted_edges, map_gap
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.node_layout import lay_out
@@ -62,9 +62,10 @@ def test_only_an_edge_that_leads_elsewhere_than_odometry_is_contradicted() -> No
     graph.apply(EdgePruned(edge.source, edge.target, Cause.LOAD))
     graph.apply(EdgeAdded(replace(edge, waypoint=PoseRow(6.0, 0.0, 0.0)), Cause.LOAD))
     (found,) = contradicted_edges(graph)
-    assert found.edge == (edge.source, edge.target)
-    assert found.length_m == 6.0
-    assert found.gap_m > found.odometry_m
+    ((pair, odometry_m),) = found.pairs
+    assert pair == (edge.source, edge.target)
+    assert "6.00 m long" in found.finding.text
+    assert odometry_m < 4.0
 
 
 def test_a_map_in_two_parts_has_a_gap_that_is_narrowest_between_them() -> None:
@@ -76,7 +77,6 @@ def test_a_map_in_two_parts_has_a_gap_that_is_narrowest_between_them() -> None:
         graph.apply(EdgePruned(*edge, Cause.LOAD))
     gap = map_gap(graph, start, goal)
     assert gap is not None
-    assert gap.leading == 1
-    assert gap.reached <= len(graph.nodes) - 1
-    assert all(pair.edge[1] == goal for pair in gap.nearest)
-    assert [pair.distance for pair in gap.nearest] == sorted(pair.distance for pair in gap.nearest)
+    assert f"1 other nodes to node {goal}" in gap.finding.text
+    assert all(edge[1] == goal for edge, _ in gap.pairs)
+    assert [apart for _, apart in gap.pairs] == sorted(apart for _, apart in gap.pairs)

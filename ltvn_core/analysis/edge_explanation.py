@@ -42,7 +42,7 @@ def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[Reason]:
     for change in timeline.changes_before(count):
         if isinstance(change.delta, FramesReserved) and node in change.delta.frames:
             text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}; it can still become a node."
-            yield Reason(text)
+            yield Reason(text, change.instant)
 
 
 def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Reason]:

@@ -25,8 +25,8 @@ from ltvn_core.analysis.answer import (
     joined,
 )
 from ltvn_core.analysis.edge_explanation import explain_edge, explain_node
-from ltvn_core.analysis.edge_story import EdgeRow, EdgeStory, edge_story
-from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS, Reason, explain_planned_edge
+from ltvn_core.analysis.edge_story import EdgeStory, edge_story
+from ltvn_core.analysis.plan_explanation import Reason, explain_planned_edge
 from ltvn_core.analysis.timeline_records import AttemptRecord, MarkKind
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose, distance
@@ -158,8 +158,7 @@ def _add_beliefs(context: DebugContext, story: EdgeStory, edge: Edge, builder: A
     )
     builder.add_chart(_belief_chart(context, story))
     if story.end is not None:
-        when = time_link(context.seconds(story.end.instant))
-        builder.add_line("It was removed at ", when, f" {_departed(story.end)}.")
+        builder.add_line("It was removed at ", time_link(context.seconds(story.end.instant)), ".")
 
 
 def _add_later_change(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> None:
@@ -193,17 +192,6 @@ def _belief_chart(context: DebugContext, story: EdgeStory) -> StepChart:
         limits=((context.method.believing.prune_below, "R_p"),),
         now=now_s,
     )
-
-
-def _departed(end: EdgeRow) -> str:
-    """Return the reason why an edge was removed from the map."""
-    if end.whole_map:
-        return f"because another map replaced this one, {CAUSE_TEXTS[end.cause]}"
-    if end.node is not None:
-        return f"together with node {end.node}, {CAUSE_TEXTS[end.cause]}"
-    if end.attempt is not None:
-        return f"because attempt {end.attempt} failed"
-    return CAUSE_TEXTS[end.cause]
 
 
 def _overlay(context: DebugContext, story: EdgeStory, decided: tuple[Stroke, ...]) -> Overlay:

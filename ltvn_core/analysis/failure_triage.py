@@ -53,42 +53,6 @@ class Setback(NamedTuple):
     """Last node at which the robot was localised; None if there is none."""
 
 
-class _SetbackTracker:
-    """Finds the setbacks of a query, event by event."""
-
-    def __init__(self) -> None:
-        self.collisions: list[Setback] = []
-        self.setback: Setback | None = None
-        """The first setback from which the robot has not recovered so far."""
-        self._cheapest = inf
-        self._cheapest_before = inf
-        self.node: NodeId | None = None
-        """Last node at which the robot was localised so far."""
-        self._edge: EdgeKey | None = None
-
-    def take(self, index: int, event: Event) -> None:
-        if isinstance(event, GraphChanged):
-            return  # A change of the map is only the consequence of a setback.
-        if isinstance(event, Localised):
-            self.node = self.node if event.node is None else event.node
-            self._edge = None
-        elif isinstance(event, AttemptStarted):
-            self._edge = None if event.source is None else (event.source, event.target)
-        elif isinstance(event, Planned) and event.nodes:
-            if self.setback is not None and event.cost < self._cheapest_before - _NEARER:
-                self.setback = None
-            self._cheapest = min(self._cheapest, event.cost)
-        description = describe_event(event)
-        if description.severity is Severity.INFO:
-            return
-        setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self.node)
-        if isinstance(event, Collided):
-            self.collisions.append(setback)
-        if self.setback is None:
-            self.setback = setback
-            self._cheapest_before = self._cheapest
-
-
 class FailureMode(StrEnum):
     """What made a query fail, by the event at which it began to go wrong."""
 
@@ -142,17 +106,6 @@ class FailedQuery:
         return "wrong arrival" if self.query.outcome is Outcome.ARRIVED else str(self.query.outcome)
 
 
-@dataclass(frozen=True, slots=True)
-class FailureCluster:
-    """Failures whose setbacks are near each other."""
-
-    nodes: tuple[NodeId, ...]
-    """Nodes of the setbacks; empty if the robot was never localised."""
-    pose: PoseRow | None
-    """Pose of the first failure's node, by odometry."""
-    failures: tuple[FailedQuery, ...]
-
-
 def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
     """Return all failed queries in order, without cut and cancelled ones. Linear in the events."""
     return tuple(failed_query(timeline, query) for query in timeline.queries if query.succeeded is False)
@@ -163,42 +116,27 @@ def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMod
     groups: dict[FailureMode, list[FailedQuery]] = {}
     for failure in failures:
         groups.setdefault(failure.failure_mode, []).append(failure)
-    return {
-        failure_mode: tuple(group) for failure_mode, group in sorted(groups.items(), key=lambda item: -len(item[1]))
-    }
+    return {mode: tuple(group) for mode, group in sorted(groups.items(), key=lambda item: -len(item[1]))}
 
 
-def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) -> tuple[FailureCluster, ...]:
+def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) -> tuple[tuple[FailedQuery, ...], ...]:
     """Group failures by place, the place with most failures first; a place extends `radius_m` around its first failure.
 
     Takes time proportional to failures times places.
     """
     groups: list[list[FailedQuery]] = []
     for failure in failures:
-        near = (group for group in groups if _same_place(group[0], failure, radius_m))
-        if (group := next(near, None)) is None:
-            groups.append(group := [])
-        group.append(failure)
-    clusters = []
-    for group in sorted(groups, key=lambda group: -len(group)):
-        nodes = dict.fromkeys(failure.node for failure in group if failure.node is not None)
-        clusters.append(FailureCluster(tuple(nodes), group[0].pose, tuple(group)))
-    return tuple(clusters)
+        near = next((group for group in groups if _same_place(group[0], failure, radius_m)), None)
+        if near is None:
+            groups.append([failure])
+        else:
+            near.append(failure)
+    return tuple(tuple(group) for group in sorted(groups, key=lambda group: -len(group)))
 
 
 def failed_query(timeline: Timeline, query: QueryRecord) -> FailedQuery:
     """Return when, where and why a query failed. Linear in its events."""
-    watch = _SetbackTracker()
-    for index in range(query.first, query.last + 1):
-        watch.take(index, timeline.events[index].event)
-    setback = watch.setback
-    if query.outcome is Outcome.COLLISION_LIMIT and watch.collisions:
-        # The first collision at the node with the most, even if the robot recovered from it.
-        counts = Counter(collision.node for collision in watch.collisions)
-        setback = max(watch.collisions, key=lambda collision: counts[collision.node])
-    if setback is None or query.outcome is Outcome.ARRIVED:  # The robot was sure that it had arrived.
-        off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
-        setback = Setback(query.last, f"The query ended: {query.outcome}{off}.", edge=None, node=watch.node)
+    setback = _setback(timeline, query)
     came = () if setback.node is None else timeline.changes_of_node(setback.node)
     poses = [
         change.delta.node.odometry
@@ -213,12 +151,48 @@ def failed_query(timeline: Timeline, query: QueryRecord) -> FailedQuery:
         query=query,
         failure_mode=_failure_mode(timeline.events[setback.event].event),
         instant=max(begin, second_before),
-        event=setback.event,
-        text=setback.text,
-        edge=setback.edge,
-        node=setback.node,
         pose=poses[-1] if poses else None,
+        **setback._asdict(),
     )
+
+
+def _setback(timeline: Timeline, query: QueryRecord) -> Setback:
+    """Return the first event of a query in which something went wrong and from which the robot did not recover."""
+    setback: Setback | None = None
+    collisions: list[Setback] = []
+    node: NodeId | None = None
+    edge: EdgeKey | None = None
+    cheapest = cheapest_before = inf
+    for index in range(query.first, query.last + 1):
+        event = timeline.events[index].event
+        match event:
+            case GraphChanged():
+                continue  # A change of the map is only the consequence of a setback.
+            case Localised():
+                node, edge = node if event.node is None else event.node, None
+            case AttemptStarted(source=source, target=target):
+                edge = None if source is None else (source, target)
+            case Planned(nodes=nodes, cost=cost) if nodes:
+                setback = None if cost < cheapest_before - _NEARER else setback
+                cheapest = min(cheapest, cost)
+            case _:
+                pass
+        description = describe_event(event)
+        if description.severity is Severity.INFO:
+            continue
+        found = Setback(index, description.sentence, edge, node)
+        if isinstance(event, Collided):
+            collisions.append(found)
+        if setback is None:
+            setback, cheapest_before = found, cheapest
+    if query.outcome is Outcome.COLLISION_LIMIT and collisions:
+        # The first collision at the node with the most, even if the robot recovered from it.
+        counts = Counter(collision.node for collision in collisions)
+        return max(collisions, key=lambda collision: counts[collision.node])
+    if setback is None or query.outcome is Outcome.ARRIVED:  # The robot was sure that it had arrived.
+        off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
+        return Setback(query.last, f"The query ended: {query.outcome}{off}.", None, node)
+    return setback
 
 
 def _same_place(first: FailedQuery, other: FailedQuery, radius_m: float) -> bool:

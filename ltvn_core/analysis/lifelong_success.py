@@ -19,9 +19,6 @@ from ltvn_core.types import FrameId
 class SuccessDip(NamedTuple):
     """A run of queries with a success rate clearly below an earlier one. Numbers are rows of `LifelongSuccess`."""
 
-    first: int
-    last: int
-    """The last row of the dip."""
     peak: int
     """The row with the highest success rate before the dip."""
     low: int
@@ -127,18 +124,8 @@ def _dips(
     runs = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1) if len(below) else []
     dips = []
     for run in runs:
-        low = int(run[np.argmin(full[run])])
-        peak = int(np.flatnonzero(full[: run[0]] >= best[run[0]] - 1e-9)[-1])
-        skipped = window - 1  # Rows before the first full window.
-        dips.append(
-            SuccessDip(
-                first=int(run[0]) + skipped,
-                last=int(run[-1]) + skipped,
-                peak=peak + skipped,
-                low=low + skipped,
-                fall=float(full[peak] - full[low]),
-                before=ends[peak + skipped],
-                after=ends[low + skipped],
-            )
-        )
+        # Rows of all queries, of which the first full window ends at row `window - 1`.
+        low = int(run[np.argmin(full[run])]) + window - 1
+        peak = int(np.flatnonzero(full[: run[0]] >= best[run[0]] - 1e-9)[-1]) + window - 1
+        dips.append(SuccessDip(peak, low, float(success[peak] - success[low]), ends[peak], ends[low]))
     return tuple(dips)

@@ -9,15 +9,16 @@ navigates by is `ltvn_core.graph`.
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
 from ltvn_core.analysis.recorded_frames import GrowingTable
 from ltvn_core.analysis.timeline_records import Instant, MapChange
+from ltvn_core.errors import MapError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
@@ -234,8 +235,35 @@ class GraphHistory:
         return FadingEdges(points[ends], stamp - stamps[rows])
 
 
+class MapReplay:
+    """A map that is replayed change by change, and is empty again when the next map begins."""
+
+    def __init__(self, graph: TopologicalGraph | None = None, epoch: int = 0) -> None:
+        """Begin with an empty map, or with a given one of map number `epoch`."""
+        self.graph = TopologicalGraph() if graph is None else graph
+        self._epoch = epoch
+
+    def copy(self) -> "MapReplay":
+        """Return an independent copy at the same change."""
+        return MapReplay(self.graph.copy(), self._epoch)
+
+    def take(self, change: MapChange) -> None:
+        """Apply a change, or skip one that does not fit, whereas `TopologicalGraph` raises an error.
+
+        Constant time, except for the removal of a node with many edges.
+        """
+        if change.epoch != self._epoch:
+            self.graph = TopologicalGraph()
+            self._epoch = change.epoch
+        with suppress(MapError):
+            self.graph.apply(change.delta)
+
+
 class MapHistory:
-    """The changes of the maps of one run, which may still grow."""
+    """The changes of the maps of one run, which may still grow.
+
+    A recording holds several maps if another one was loaded, or if the map was rebuilt.
+    """
 
     def __init__(self) -> None:
         """Begin with an empty map and no change."""
@@ -246,11 +274,12 @@ class MapHistory:
         """Number of the map, from 0, for each event with which a whole map begins."""
         self.drawing = GraphHistory()
         """The same maps as arrays for drawing."""
+        self._nodes: set[NodeId] = set()
+        """Nodes of the present map."""
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
         self._by_node: dict[NodeId, list[MapChange]] = {}
         self._filed = 0
         """Number of changes indexed by edge and node; the rest are indexed on demand."""
-        self._epochs = MapEpochs()
         self._kept: dict[int, MapReplay] = {}
 
     def copy(self) -> "MapHistory":
@@ -267,23 +296,31 @@ class MapHistory:
         A new node is drawn at `pose` (3,), or at its odometry pose without one. Constant time, except for the removal
         of a node with many edges.
         """
-        fresh = self._epochs.take(changed.delta)
+        delta = changed.delta
+        fresh = isinstance(delta, d.NodeAdded) and delta.cause in d.BULK_CAUSES and self._begins_map(delta)
         if fresh or not self.epochs:
             self.epochs.append(len(self.changes))
             self.drawing.clear()
-        change = MapChange(
-            event=event,
-            instant=instant,
-            epoch=self._epochs.current,
-            version=self._epochs.version,
-            delta=changed.delta,
-            query=changed.query,
-            attempt=changed.attempt,
-        )
-        self.changes.append(change)
-        self.drawing.apply(change.delta, instant.stamp, pose)
+            self._nodes.clear()
+        if isinstance(delta, d.NodeAdded):
+            self._nodes.add(delta.node.id)
+        elif isinstance(delta, d.NodeDropped):
+            self._nodes.discard(delta.node)
+        epoch = len(self.epochs) - 1
+        version = len(self.changes) - self.epochs[-1] + 1
+        self.changes.append(MapChange(event, instant, epoch, version, delta, changed.query, changed.attempt))
+        self.drawing.apply(delta, instant.stamp, pose)
         if fresh:
-            self.begun_by[event] = change.epoch
+            self.begun_by[event] = epoch
+
+    def _begins_map(self, delta: d.NodeAdded) -> bool:
+        """Tell whether a whole map begins with a node that is added in bulk."""
+        last = self.changes[-1].delta if self.changes else None
+        if last is None or last.cause is not delta.cause or delta.node.id in self._nodes:
+            return True
+        # A loaded map adds all its nodes before its edges; a map that is being built adds each node with its edges.
+        allowed = d.NodeAdded if delta.cause is d.Cause.LOAD else d.NodeAdded | d.EdgeAdded
+        return not isinstance(last, allowed)
 
     def count_before(self, event: int) -> int:
         """Return the number of changes before event number `event`. Takes logarithmic time."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
-from ltvn_core.analysis.map_replay import MapReplay
+from ltvn_core.analysis.map_history import MapReplay
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.evaluation.ground_truth import GroundTruth

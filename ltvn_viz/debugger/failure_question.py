@@ -240,9 +240,10 @@ def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
         nodes[last.node] = palette.TARGET
     labels = []
     for place in group_by_place(shown):
-        pose = context.pose(place.nodes[0]) if place.nodes else None
+        node = next((each.node for each in place if each.node is not None), None)
+        pose = None if node is None else context.pose(node)
         if pose is not None:
-            labels.append(Label((float(pose[0]), float(pose[1])), f"{len(place.failures)} failed"))
+            labels.append(Label((float(pose[0]), float(pose[1])), f"{len(place)} failed"))
     return Overlay(tuple(strokes), nodes, labels=tuple(labels))
 
 

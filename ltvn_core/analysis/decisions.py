@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
@@ -44,8 +44,6 @@ class RuleUse(NamedTuple):
 class Decision:
     """One decision of the robot."""
 
-    event: int
-    """Index in the timeline's events."""
     instant: Instant
     text: str
     """The decision in one sentence."""
@@ -53,19 +51,21 @@ class Decision:
     """The rules behind it; none if the method leaves no choice."""
 
 
+_Rules: TypeAlias = dict[str, float | None]
+"""Rules behind an event, each with the number that it compared; None for a rule that compares none."""
 _ENDS = {
     e.AttemptEnd.BLOCKED: "driving.depth_veto",
     e.AttemptEnd.LOST: "driving.lost_reachability",
 }
 """Rule for each way in which a rule can end an attempt."""
 _OUTCOMES = {
-    e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
-    e.Outcome.LOST: ("recovering.give_up_after_looks",),
-    e.Outcome.STEP_LIMIT: ("recovering.step_limit",),
-    e.Outcome.COLLISION_LIMIT: ("recovering.collision_limit",),
+    e.Outcome.NO_PATH: "recovering.give_up_after_looks",
+    e.Outcome.LOST: "recovering.give_up_after_looks",
+    e.Outcome.STEP_LIMIT: "recovering.step_limit",
+    e.Outcome.COLLISION_LIMIT: "recovering.collision_limit",
 }
-"""Rules for each outcome of a query but an arrival, whose event names its rule."""
-_CAUSES = {
+"""Rule for each outcome of a query but an arrival, whose event names its rule."""
+_ADDITIONS = {
     Cause.NOVEL: ("expanding.novel_after_looks",),
     Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
 }
@@ -102,7 +102,7 @@ def _decisions(query: QueryRecord, timeline: Timeline, method: Method, after: in
         if rules is None:
             continue
         used = tuple(RuleUse(rule, _limit(method, rule), found) for rule, found in rules.items())
-        yield Decision(number, timeline.instant(number), describe_event(event).sentence, used)
+        yield Decision(timeline.instant(number), describe_event(event).sentence, used)
 
 
 def _limit(method: Method, rule: str) -> float | bool | None:
@@ -112,8 +112,8 @@ def _limit(method: Method, rule: str) -> float | bool | None:
         return None
 
 
-def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
-    """Return the rules behind an event, each with the number it compared; None if the event decides nothing.
+def _rules(event: e.Event, failed: int) -> _Rules | None:
+    """Return the rules behind an event; None if the event decides nothing.
 
     `failed` is the number of attempts of the query that failed before.
     """
@@ -121,67 +121,49 @@ def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
         case e.Localised():
             return _localising_rules(event)
         case e.Planned(nodes=nodes):
-            weights: dict[str, float | None] = {"planning.belief_weight": None}
-            return weights | ({"planning.failure_penalty": None} if failed and nodes else {})
+            return dict.fromkeys(["planning.belief_weight", *["planning.failure_penalty"] * bool(failed and nodes)])
         case e.AttemptStarted(source=source, reachability=reachability):
             # Whether to approach the node first depends on the view of the next node, which no event holds.
             return {"driving.departure_reachability": None if source is None else reachability}
-        case e.AttemptEnded():
-            stopped: dict[str, float | None] = {_ENDS[event.end]: None} if event.end in _ENDS else {}
-            return stopped | ({event.rule: _judged(event)} if event.rule else {})
-        case e.StateChanged(state):
-            is_lost = state is e.NavigatorState.RECOVERING
-            return {"recovering.give_up_after_looks": None} if is_lost else None
+        case e.AttemptEnded(end=end, rule=rule):
+            stopped: _Rules = {_ENDS[end]: None} if end in _ENDS else {}
+            judged = {"judging.success_distance": event.distance, "judging.success_reachability": event.reachability}
+            return stopped | ({rule: judged.get(rule)} if rule else {})
+        case e.StateChanged(state=e.NavigatorState.RECOVERING):
+            return {"recovering.give_up_after_looks": None}
         case e.GraphChanged(delta):
             return _map_rules(delta)
-        case e.QueryEnded():
-            return _ending_rules(event)
-        case e.Note(rule=rule):
-            return {rule: None} if rule else None
+        case e.QueryEnded(rule=e.BY_IMAGE):
+            return {"judging.arrive_distance": event.distance, e.BY_IMAGE: event.reachability}
+        case e.QueryEnded(rule=e.BY_WAYPOINT):
+            return {}  # Nothing was left to drive.
+        case e.QueryEnded(outcome=outcome, rule=rule):
+            named = rule or _OUTCOMES.get(outcome)
+            return {named: None} if named else {}
+        case e.Note(rule=rule) if rule:
+            return {rule: None}
         case _:
             return None
 
 
-def _ending_rules(event: e.QueryEnded) -> dict[str, float | None]:
-    if event.rule == e.BY_IMAGE:
-        return {"judging.arrive_distance": event.distance, e.BY_IMAGE: event.reachability}
-    if event.rule == e.BY_WAYPOINT:
-        return {}  # Nothing was left to drive.
-    return dict.fromkeys([event.rule] if event.rule else _OUTCOMES.get(event.outcome, ()))
-
-
-def _localising_rules(event: e.Localised) -> dict[str, float | None]:
-    near: dict[str, float | None] = {
+def _localising_rules(event: e.Localised) -> _Rules:
+    near: _Rules = {
         "localising.distance": event.distance if math.isfinite(event.distance) else None,
         "localising.reachability": event.reachability,
     }
-    if event.node is None:
-        return near
-    return near if event.probability is None else near | {"localising.follow_places": None}
+    has_place = event.node is not None and event.probability is not None
+    return near | ({"localising.follow_places": None} if has_place else {})
 
 
-def _judged(event: e.AttemptEnded) -> float | None:
-    """Return the number that the rule of a verdict compared; None if the event does not hold it."""
-    return {"judging.success_distance": event.distance, "judging.success_reachability": event.reachability}.get(
-        event.rule
-    )
-
-
-def _map_rules(delta: d.GraphDelta) -> dict[str, float | None] | None:
+def _map_rules(delta: d.GraphDelta) -> _Rules | None:
     match delta:
         case d.BeliefUpdated(belief=belief, cause=Cause.ATTEMPT):
-            return {
-                "believing.p_success_if_reachable": None,
-                "believing.p_success_if_not": None,
-                "believing.p_cap": belief.p,
-            }
+            assumed = dict.fromkeys(["believing.p_success_if_reachable", "believing.p_success_if_not"])
+            return assumed | {"believing.p_cap": belief.p}
         case d.EdgePruned(cause=Cause.ATTEMPT):
-            return {
-                "believing.prune_below": None,
-                "believing.prune_after_failures": None,
-                "believing.failures_per_success": None,
-            }
-        case d.NodeAdded(cause=cause) | d.EdgeAdded(cause=cause) if cause in _CAUSES:
-            return dict.fromkeys(_CAUSES[cause])
+            names = ("prune_below", "prune_after_failures", "failures_per_success")
+            return dict.fromkeys(f"believing.{name}" for name in names)
+        case d.NodeAdded(cause=cause) | d.EdgeAdded(cause=cause) if cause in _ADDITIONS:
+            return dict.fromkeys(_ADDITIONS[cause])
         case _:
             return None

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ltvn_core.analysis.image_similarity import colour_descriptors
 from ltvn_core.config import BuildingConfig, LocalisingConfig, Method
-from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.localiser import near_enough, resemblance
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
@@ -118,7 +117,6 @@ def find_perceptual_aliases(
     method: Method,
     *,
     candidates: int | None = 16,
-    progress: ProgressCallback | None = None,
 ) -> tuple[PerceptualAlias, ...]:
     """Return the pairs that are near by r and d < D_l but far by odometry or map: false edges first, then by r.
 
@@ -137,8 +135,6 @@ def find_perceptual_aliases(
             key = pair.first, pair.second
             if key not in found or pair.reachability > found[key].reachability:
                 found[key] = pair
-        if progress is not None:
-            progress(k + 1, len(nodes))
     return _contradicted_aliases(graph, tuple(found.values()), _FAR_FACTOR * method.localising.distance)
 
 

@@ -1,14 +1,12 @@
 """The difference of two maps, or of one map at two times: what only one has, what changed, and how much it matters.
 
 Owns the difference, the figures, and the matching of nodes: by image if both maps come from one trajectory, otherwise
-by the nearest place. The importance of an edge is its betweenness, the share of all cheapest paths that use it; the
-cost of an edge is that of the planner.
+by the nearest place. The importance of an edge is its betweenness, the share of all cheapest paths that use it.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +15,7 @@ from scipy.spatial import KDTree
 
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import cost_matrix, count_strongly_connected_components
-from ltvn_core.graph.deltas import Belief, Edge
-from ltvn_core.graph.planner import EdgeWeight
+from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Collided, Judged, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId, Pose
@@ -38,35 +35,22 @@ class MatchedBy(StrEnum):
     """The maps come from two trajectories, and nodes with the nearest poses are the same."""
 
 
-class NodeMatching(NamedTuple):
-    """The nodes of two maps that are the same."""
-
-    matched_by: MatchedBy
-    pairs: Mapping[NodeId, NodeId]
-    """Node of the first map to node of the second; no node occurs twice."""
-
-
 def match_nodes(
-    a: TopologicalGraph,
-    b: TopologicalGraph,
-    *,
-    poses_a: Mapping[NodeId, Pose] | None = None,
-    poses_b: Mapping[NodeId, Pose] | None = None,
-) -> NodeMatching:
+    a: TopologicalGraph, b: TopologicalGraph, poses_a: Mapping[NodeId, Pose], poses_b: Mapping[NodeId, Pose]
+) -> tuple[MatchedBy, dict[NodeId, NodeId]]:
     """Match nodes by id if the maps come from one trajectory, otherwise each to its nearest node if that is mutual.
 
     Poses (3,) are the given ones, for instance exact ones in simulation, otherwise those of the odometry, which match
-    only if both drives began at the same place. Takes O(N log N).
+    only if both drives began at the same place. No node occurs twice. Takes O(N log N).
     """
     shared = [node for node in a.nodes if node in b.nodes and a.nodes[node].odometry == b.nodes[node].odometry]
     if len(shared) * 2 >= min(len(a.nodes), len(b.nodes)):
-        return NodeMatching(MatchedBy.ID, {node: node for node in shared})
-    return NodeMatching(MatchedBy.POSE, _nearest(_node_poses(a, poses_a), _node_poses(b, poses_b)))
+        return MatchedBy.ID, {node: node for node in shared}
+    return MatchedBy.POSE, _nearest(_node_poses(a, poses_a), _node_poses(b, poses_b))
 
 
-def _node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
+def _node_poses(graph: TopologicalGraph, given: Mapping[NodeId, Pose]) -> dict[NodeId, Pose]:
     """Return a pose (3,) for each node: the given one, otherwise that of the odometry."""
-    given = poses or {}
     return {node: given.get(node, np.array(value.odometry, np.float64)) for node, value in graph.nodes.items()}
 
 
@@ -90,13 +74,13 @@ def _embedded(poses: Pose) -> np.ndarray:
     return np.concatenate([poses[:, :2], turn], axis=1)
 
 
-def edge_betweenness(graph: TopologicalGraph, *, weight: EdgeWeight | None = None) -> Mapping[EdgeKey, float]:
+def edge_betweenness(graph: TopologicalGraph) -> Mapping[EdgeKey, float]:
     """Return for each edge the share in [0, 1] of the cheapest paths that use it; unused edges are left out.
 
-    The paths lead from `_SOURCES` nodes, evenly spread over the order of the nodes, to all nodes. Without a `weight`
-    the cost is mu, as in the paper. Takes O(starts * (edges + nodes) log nodes): about two seconds for 50,000 edges.
+    The paths lead from `_SOURCES` nodes, evenly spread over the order of the nodes, to all nodes; the cost is mu, as in
+    the paper. Takes O(starts * (edges + nodes) log nodes): about two seconds for 50,000 edges.
     """
-    nodes, costs = cost_matrix(graph, weight or _length)
+    nodes, costs = cost_matrix(graph, lambda belief: belief.mu)
     if len(nodes) < 2:
         return {}
     starts = np.unique(np.linspace(0, len(nodes) - 1, min(_SOURCES, len(nodes))).astype(np.intp))
@@ -110,10 +94,6 @@ def edge_betweenness(graph: TopologicalGraph, *, weight: EdgeWeight | None = Non
             key = int(before[target]), target
             counts[key] = counts.get(key, 0) + int(below[target])
     return {(nodes[i], nodes[j]): count / paths for (i, j), count in counts.items()}
-
-
-def _length(belief: Belief) -> float:
-    return belief.mu
 
 
 def _paths_below(lengths: NDArray[np.float64], before: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -173,7 +153,6 @@ class MapMetrics:
 
     nodes: int
     edges: int
-    reserve: int
     strongly_connected_components: int
     mean_p: float | None
     """Mean p of the edges; None without edges."""
@@ -193,11 +172,9 @@ def compare_maps(
     *,
     poses_a: Mapping[NodeId, Pose] | None = None,
     poses_b: Mapping[NodeId, Pose] | None = None,
-    weight: EdgeWeight | None = None,
 ) -> MapDifference:
-    """Return the difference of two maps; see `match_nodes` and `edge_betweenness` for poses, weight and cost."""
-    matching = match_nodes(a, b, poses_a=poses_a, poses_b=poses_b)
-    there = matching.pairs
+    """Return the difference of two maps; see `match_nodes` and `edge_betweenness` for poses and cost."""
+    matched_by, there = match_nodes(a, b, poses_a or {}, poses_b or {})
     common = {
         key: other
         for key in a.edges
@@ -211,14 +188,14 @@ def compare_maps(
     pairs += [(key, None) for key in only_a]
     pairs += [(None, other) for other in only_b]
     return MapDifference(
-        matched_by=matching.matched_by,
+        matched_by=matched_by,
         nodes=there,
         nodes_only_a=tuple(node for node in a.nodes if node not in there),
         nodes_only_b=tuple(node for node in b.nodes if node not in met),
         edges=common,
         edges_only_a=only_a,
         edges_only_b=only_b,
-        differing=_by_importance(a, b, pairs, weight),
+        differing=_by_importance(a, b, pairs),
     )
 
 
@@ -230,7 +207,6 @@ def map_metrics(graph: TopologicalGraph, events: Sequence[StampedEvent] = ()) ->
     return MapMetrics(
         nodes=len(graph.nodes),
         edges=len(graph.edges),
-        reserve=len(graph.reserve),
         strongly_connected_components=count_strongly_connected_components(graph),
         mean_p=sum(p) / len(p) if p else None,
         queries=len(ended),
@@ -244,11 +220,10 @@ def _by_importance(
     a: TopologicalGraph,
     b: TopologicalGraph,
     pairs: Sequence[tuple[EdgeKey | None, EdgeKey | None]],
-    weight: EdgeWeight | None,
 ) -> tuple[EdgeDifference, ...]:
     if not pairs:
         return ()
-    busy_a, busy_b = (edge_betweenness(graph, weight=weight) for graph in (a, b))
+    busy_a, busy_b = map(edge_betweenness, (a, b))
     found = []
     for key, other in pairs:
         first = None if key is None else a.edges[key]

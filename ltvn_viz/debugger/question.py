@@ -59,10 +59,9 @@ class AnswerBuilder(answer.AnswerBuilder):
 
     def add_map_finding(self, found: MapFinding, *, is_first: bool = False) -> None:
         """Add a weakness of a map and links to its pairs of nodes; the first one of a list in bold."""
-        several = len(found.pairs) > 1
         links: list[Inline] = []
         for edge, apart in found.pairs:
-            links += [" ", edge_link(*edge), f" ({apart:.2f})" * several]
+            links += [", " if links else " ", edge_link(*edge), f" ({apart:.2f})" * (len(found.pairs) > 1)]
         self.add_line(Strong(str(found.finding)) if is_first else str(found.finding), links)
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:

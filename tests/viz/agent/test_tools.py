@@ -158,9 +158,9 @@ def find_fault(agent: AgentClient, number: int) -> tuple[str, list[list[int]]]:
     told = agent.ask("ask", file=FAULT, query=number)["text"]
     if query["outcome"] != "no path":
         driven = edges_in(told, r"It drove edge (\d+) → (\d+)")
-        return "look-alike" if driven[0] in edges_in(told, r"^(\d+) → (\d+) ") else "spurious-edge", driven
+        return "look-alike" if driven[0] in edges_in(told, r"two places .* (\d+) → (\d+)$") else "spurious-edge", driven
     closing = []
-    for edge in edges_in(told.partition("nearest across the gap")[2], r"^(\d+) → (\d+) "):
+    for edge in edges_in(told.partition("nearest across it")[2], r"(\d+) → (\d+) \("):
         asked = {"question": "what-if", "at_s": query["end_s"], "text": f"with {edge[0]}->{edge[1]}"}
         if "instead of no way" in agent.ask("ask", file=FAULT, **asked)["text"]:
             closing.append(edge)

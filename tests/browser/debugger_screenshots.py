@@ -120,7 +120,7 @@ def coach(debugger: DebuggerPage) -> None:
     """The robot itself."""
     debugger.go_to_the_robot()
     debugger.ask(QuestionName.COACH)
-    debugger.says("Loops not closed")
+    debugger.says("% new")
 
 
 def hand(debugger: DebuggerPage) -> None:

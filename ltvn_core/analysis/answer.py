@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
-import cv2
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -228,10 +227,12 @@ def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> Pole | None:
     ahead_m = (ends - [0.0, 0.0, camera.height_m]) @ camera.rotation[:, 0]
     if (ahead_m < _NEAREST_M).any():
         return None
-    top, foot = (camera.project(ends) + 0.5).tolist()
-    corners = ((round(u), round(v)) for u, v in (top, foot))
-    is_inside = cv2.clipLine((0, 0, camera.width + 1, camera.height + 1), *corners)[0]
-    return Pole(tuple(top), tuple(foot)) if is_inside else None
+    top, foot = camera.project(ends) + 0.5
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Shares of the way from the top to the foot at which it crosses the borders of the image.
+        enter, leave = np.sort((np.array([[0, 0], [camera.width, camera.height]]) - top) / (foot - top), axis=0)
+    is_inside = max(0.0, *enter.tolist()) <= min(1.0, *leave.tolist())
+    return Pole((float(top[0]), float(top[1])), (float(foot[0]), float(foot[1]))) if is_inside else None
 
 
 class Picture(NamedTuple):

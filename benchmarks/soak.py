@@ -107,7 +107,7 @@ def _mean_rss_mb(samples: Sequence[SoakSample], first_min: float, last_min: floa
 def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
     """Run the app, click a new goal whenever the robot is free, and yield a sample now and then."""
     from ltvn_viz.wishes import commands as c
-    from ltvn_viz.wishes.commands import Mode
+    from ltvn_viz.wishes.modes import Mode
 
     rng, process, began = np.random.default_rng(seed), psutil.Process(), time.monotonic()
     due = 0.0

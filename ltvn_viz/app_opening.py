@@ -24,7 +24,7 @@ from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.maps.topological_map import TopologicalMap
-from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.navigation.events import Severity
 from ltvn_core.predictors.choice import AUTO, ImageSource
 from ltvn_core.predictors.opening import NETWORK, open_method, simulated_robot
 from ltvn_core.robots.robot import Robot, open_loop_word
@@ -292,8 +292,7 @@ def _new_recording(
 def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
     for frame, seen in known.observations.items():
         live.timeline.place_frame(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
-    for delta in live_map.load(TopologicalMap.take(known, live_map.predictor, live_map.system)):
-        live.emit(GraphChanged(delta))
+    live.emit_changes(live_map.load(TopologicalMap.take(known, live_map.predictor, live_map.system)))
 
 
 UNKNOWN_FLOOR_M = 4.0

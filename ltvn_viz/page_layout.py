@@ -42,7 +42,7 @@ from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
 from ltvn_viz.session.snapshot import Message, Snapshot
-from ltvn_viz.wishes.commands import Action, Ask, Command, Value
+from ltvn_viz.wishes.commands import Command
 
 logger = logging.getLogger(__name__)
 _log = LimitedLog(logger)
@@ -162,9 +162,6 @@ def build_layout(
 def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[PagePart]:
     gui = server.gui
 
-    def ask(action: Action, value: Value = None) -> None:
-        send(Ask(action, value))
-
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()
     with tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL):
@@ -178,7 +175,7 @@ def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[Page
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui)
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
-        why = DebuggerPanel(gui, ask)
+        why = DebuggerPanel(gui, send)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
     camera = CameraPanel(gui, partial(server.tell, Newest.PICTURE), partial(server.tell, Newest.LARGER))
 
@@ -196,7 +193,7 @@ def _panels(server: GuardedServer, send: Callable[[Command], None]) -> list[Page
         why,
         TimelinePanel(partial(server.tell, Newest.MOMENT)),
         PadPanel(partial(server.tell, Newest.ACTIVITY)),
-        CommandPalette(gui, ask),
+        CommandPalette(gui, send),
         StoryBar(gui),
         Notifications(lambda: list(server.viser.get_clients().values())),
     ]

@@ -8,7 +8,8 @@ import viser
 from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.wishes.commands import Action, Value
+from ltvn_viz.wishes.commands import Ask
+from ltvn_viz.wishes.wish_table import Action
 
 _ROW: Mapping[str, str] = {
     QuestionName.FIRST: "What went wrong?",
@@ -24,8 +25,8 @@ _ROW: Mapping[str, str] = {
 class DebuggerPanel:
     """The questions as buttons, the answer, and a text field for questions that need input."""
 
-    def __init__(self, gui: viser.GuiApi, ask: Callable[[Action, Value], None]) -> None:
-        """Add the controls to the open tab; `ask` takes actions and returns at once."""
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Ask], None]) -> None:
+        """Add the controls to the open tab; `send` takes wishes and returns at once."""
         self._questions = HtmlBlock(gui)
         self._view = HtmlBlock(gui)
         self._field = gui.add_text("What to ask", "", visible=False)
@@ -33,7 +34,7 @@ class DebuggerPanel:
 
         @self._tell.on_click
         async def _(_: viser.GuiEvent) -> None:
-            ask(Action.TELL, self._field.value)
+            send(Ask(Action.TELL, self._field.value))
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the question's answer."""

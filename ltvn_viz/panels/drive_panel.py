@@ -21,7 +21,8 @@ from ltvn_viz.panels.html_widgets import (
 )
 from ltvn_viz.session.fine_tuning import besides_words
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, Snapshot
-from ltvn_viz.wishes.commands import LEAST_MINUTES, LIVE, MOST_MINUTES, Action, Mode
+from ltvn_viz.wishes.modes import Mode
+from ltvn_viz.wishes.wish_table import LEAST_MINUTES, MOST_MINUTES, Action
 
 
 class DrivePanel:
@@ -40,27 +41,27 @@ class DrivePanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """Enable the controls that are possible now, and show the size of the map."""
-        live = snapshot.mode in LIVE
         recording = snapshot.recording.name is not None
         self.recording.show(
             button_row(
-                ActionButton(Action.RECORD, is_main=not recording, is_enabled=live and not recording),
-                ActionButton(Action.KEEP, is_main=True, is_enabled=live and recording),
-                ActionButton(Action.DISCARD, is_enabled=live and recording),
+                ActionButton(Action.RECORD, is_main=not recording, is_enabled=not recording),
+                ActionButton(Action.KEEP, is_main=True, is_enabled=recording),
+                ActionButton(Action.DISCARD, is_enabled=recording),
+                mode=snapshot.mode,
             )
         )
         recorded = snapshot.mode is Mode.REPLAY
-        ready = snapshot.mode is Mode.TELEOP or (recorded and not snapshot.is_making)
+        ready = not (recorded and snapshot.is_making)
         whence = "all images of this recording, into a new file" if recorded else "all available images"
         label = "" if recorded else "Rebuild the map"
         build = ActionButton(Action.BUILD, label, hint=f"from {whence}", is_enabled=ready)
         cancel = ActionButton(Action.CANCEL, hint="stop building; the old map stays")
-        undo = ActionButton(Action.UNDO_BUILD, is_enabled=snapshot.mode is Mode.TELEOP)
+        undo = ActionButton(Action.UNDO_BUILD)
         is_building = snapshot.mode is Mode.BUILDING
         beside = (cancel,) if is_building else (undo,) if snapshot.can_undo_build and not recorded else ()
-        self.map.show(button_row(build, *beside))
-        play = ActionButton(Action.PLAY_DRIVE, is_enabled=snapshot.mode is Mode.TELEOP)
-        self.played.show(button_row(play) if snapshot.drive_is_over is not None else "")
+        self.map.show(button_row(build, *beside, mode=snapshot.mode))
+        play = button_row(ActionButton(Action.PLAY_DRIVE), mode=snapshot.mode)
+        self.played.show(play if snapshot.drive_is_over is not None else "")
         self.counts.show(_counts(snapshot))
 
 

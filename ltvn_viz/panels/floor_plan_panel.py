@@ -8,7 +8,7 @@ from ltvn_core.data.importing.floor_plan_alignment import LEAST_PAIRS
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, copy_button, note, warning
 from ltvn_viz.session.floor_plan_clicks import is_doubtful
 from ltvn_viz.session.snapshot import FloorChoice, FloorPlanView, Snapshot
-from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.wish_table import Action
 
 
 class FloorPlanPanel:

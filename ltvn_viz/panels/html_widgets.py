@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from ltvn_core import palette
 from ltvn_viz.server.keymap import key_label
-from ltvn_viz.wishes.commands import Action
-from ltvn_viz.wishes.wish_table import WISHES
+from ltvn_viz.wishes.modes import Mode
+from ltvn_viz.wishes.wish_table import Action
 
 if TYPE_CHECKING:
     import viser
@@ -122,7 +122,7 @@ STYLE = f"""<style>
 
 @dataclass(frozen=True, slots=True)
 class ActionButton:
-    """A button that requests an action; empty texts are taken from `WISHES`."""
+    """A button that requests an action; empty texts are taken from its row."""
 
     action: Action
     label: str = ""
@@ -135,11 +135,12 @@ class ActionButton:
     target: int | str | None = None
     """Subject of the action, if it needs one."""
 
-    def html(self) -> str:
-        """Return the button."""
-        kind = ' class="lt-main"' if self.is_main and self.is_enabled else ""
-        off = "" if self.is_enabled else " disabled"
-        wish = WISHES[self.action]
+    def html(self, mode: Mode | None = None) -> str:
+        """Return the button, disabled if its wish is illegal in `mode`."""
+        wish = self.action.wish
+        is_enabled = self.is_enabled and (mode is None or mode in wish.modes)
+        kind = ' class="lt-main"' if self.is_main and is_enabled else ""
+        off = "" if is_enabled else " disabled"
         caps = self.caps or key_label(self.action)
         key = f"<kbd>{escape(caps)}</kbd>" if caps else ""
         kind_of_target = "text" if isinstance(self.target, str) else "id"
@@ -150,9 +151,9 @@ class ActionButton:
         )
 
 
-def button_row(*presses: ActionButton) -> str:
-    """Return a row of buttons."""
-    return f'<div class="lt lt-buttons">{"".join(press.html() for press in presses)}</div>'
+def button_row(*presses: ActionButton, mode: Mode | None = None) -> str:
+    """Return a row of buttons; those whose wishes are illegal in `mode` are disabled."""
+    return f'<div class="lt lt-buttons">{"".join(press.html(mode) for press in presses)}</div>'
 
 
 def grey_for_watchers(elements: Iterable[str]) -> str:
@@ -163,7 +164,7 @@ def grey_for_watchers(elements: Iterable[str]) -> str:
 
 def toggle(action: Action, *, is_on: bool) -> str:
     """Return a switch that requests an action, with the value 1 to switch on and 0 to switch off."""
-    wish = WISHES[action]
+    wish = action.wish
     return (
         f'<div class="lt"><button type="button" role="switch" aria-checked="{str(is_on).lower()}" class="lt-toggle" '
         f'data-ltvn-action="{action}" data-id="{int(not is_on)}" title="{escape(wish.help)}">'

@@ -22,7 +22,9 @@ from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Rgb
 from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, ActionButton, HtmlBlock, button_row, note, toggle
 from ltvn_viz.session.snapshot import Snapshot, UploadMatch, WayNodes
-from ltvn_viz.wishes.commands import STANDING, Action, Command, Mode, NavigateToImage, ReportError
+from ltvn_viz.wishes.commands import Command, NavigateToImage, ReportError
+from ltvn_viz.wishes.modes import STANDING, Mode
+from ltvn_viz.wishes.wish_table import Action
 
 GO_TO_UPLOAD = "Go to an uploaded image"
 FIND_UPLOAD = "Find an uploaded image in this map"
@@ -140,13 +142,13 @@ def _titled_group(title: str, content: str) -> str:
 def _task(snapshot: Snapshot) -> str:
     busy = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED)
     paused = snapshot.mode is Mode.PAUSED
-    ready = snapshot.mode is Mode.TELEOP and snapshot.selected is not None
     resume = "Go on" if snapshot.pause_notice else "Resume"
     pause = ActionButton(Action.PAUSE, resume if paused else "", is_main=paused, is_enabled=busy)
     return button_row(
-        ActionButton(Action.GOAL, is_main=True, is_enabled=ready),
+        ActionButton(Action.GOAL, is_main=True, is_enabled=snapshot.selected is not None),
         pause,
         ActionButton(Action.CANCEL, is_enabled=busy),
+        mode=snapshot.mode,
     )
 
 
@@ -154,8 +156,9 @@ def _more(snapshot: Snapshot) -> str:
     """Return what a query seldom needs; a real robot has no queries that continue without a page."""
     busy = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED)
     buttons = button_row(
-        ActionButton(Action.STEP, is_enabled=busy),
+        ActionButton(Action.STEP),
         ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
+        mode=snapshot.mode,
     )
     keeps_going = snapshot.keeps_going
     return buttons + ("" if keeps_going is None else toggle(Action.KEEP_GOING, is_on=keeps_going))

@@ -13,7 +13,8 @@ import viser
 from ltvn_core.terminal_text import count_text
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
-from ltvn_viz.wishes.commands import STANDING, Action
+from ltvn_viz.wishes.modes import STANDING
+from ltvn_viz.wishes.wish_table import Action
 
 NONE_YET: str = "no recordings yet"
 IMPORT = "import: "
@@ -48,9 +49,8 @@ class ReplayPanel:
 
     def _buttons(self, snapshot: Snapshot) -> str:
         chosen = self._choices.get(self._names.value, ActionButton(Action.OPEN))
-        is_possible = chosen.target is not None and snapshot.mode in STANDING
         close = () if snapshot.replay is None else (ActionButton(Action.CLOSE),)
-        return button_row(replace(chosen, is_enabled=is_possible), *close)
+        return button_row(replace(chosen, is_enabled=chosen.target is not None), *close, mode=snapshot.mode)
 
     def _list(self, snapshot: Snapshot) -> None:
         names = (*snapshot.recordings, *(IMPORT + name for name in snapshot.sources))

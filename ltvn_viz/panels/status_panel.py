@@ -19,7 +19,8 @@ from ltvn_core.terminal_text import count_text
 from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, filled_bar, with_keys
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
-from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.modes import Mode
+from ltvn_viz.wishes.wish_table import Action
 
 TITLES = {Severity.INFO: "Note", Severity.WARN: "Not now", Severity.ERROR: "Problem"}
 COLOURS = {Severity.INFO: (34, 139, 230), Severity.WARN: (250, 176, 5), Severity.ERROR: (250, 82, 82)}

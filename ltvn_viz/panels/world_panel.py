@@ -4,7 +4,8 @@ import viser
 
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note
 from ltvn_viz.session.snapshot import DoorView, Snapshot, WorldView
-from ltvn_viz.wishes.commands import LIVE, Action, Mode
+from ltvn_viz.wishes.modes import Mode
+from ltvn_viz.wishes.wish_table import Action
 
 LIGHTS = (("Plain", 100), ("Dim", 50), ("Dark", 20))
 """Names of the settings of light, each with its brightness in percent."""
@@ -26,22 +27,21 @@ class WorldPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Show the possible changes of the world."""
         world = snapshot.world
-        enabled = snapshot.mode in LIVE
         if world is None:
             self.about.show(note("Only the simulated world of the live robot can be changed."))
             for block in (self.doors, self.boxes, self.light, self.undo, self.watch, self.story):
                 block.show("")
             return
         self.about.show(note(_about(world)))
-        self.doors.show(_doors(world.doors, is_enabled=enabled))
-        self.boxes.show(_boxes(world, is_enabled=enabled))
-        self.light.show(_light(world, is_enabled=enabled))
+        self.doors.show(_doors(world.doors, snapshot.mode))
+        self.boxes.show(_boxes(world, snapshot.mode))
+        self.light.show(_light(world, snapshot.mode))
         label = f"Undo: {world.undo}" if world.undo else ""
-        undo = ActionButton(Action.UNDO_CHANGE, label, is_enabled=enabled and bool(world.undo))
-        self.undo.show(button_row(undo))
-        can_watch = snapshot.mode is Mode.TELEOP and not snapshot.no_story and not snapshot.story_goes_on
+        undo = ActionButton(Action.UNDO_CHANGE, label, is_enabled=bool(world.undo))
+        self.undo.show(button_row(undo, mode=snapshot.mode))
+        can_watch = not snapshot.no_story and not snapshot.story_goes_on
         watch = ActionButton(Action.WATCH_IT_LEARN, is_main=True, is_enabled=can_watch, hint=snapshot.no_story)
-        self.watch.show(button_row(watch) + (note(snapshot.no_story) if snapshot.no_story else ""))
+        self.watch.show(button_row(watch, mode=snapshot.mode) + (note(snapshot.no_story) if snapshot.no_story else ""))
         self.story.show(lines(*(f"{number}. {text}" for number, text in enumerate(snapshot.story, 1))))
 
 
@@ -51,7 +51,7 @@ def _about(world: WorldView) -> str:
     return "Change the world while the robot drives. Click a door on the map, or here."
 
 
-def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:
+def _doors(doors: tuple[DoorView, ...], mode: Mode) -> str:
     if not doors:
         return ""
     return button_row(
@@ -61,52 +61,35 @@ def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:
                 f"{each.label}: {'open' if each.is_open else 'closed'}",
                 hint=f"{'close' if each.is_open else 'open'} this door",
                 is_main=not each.is_open,
-                is_enabled=is_enabled,
                 target=each.door,
             )
             for each in doors
-        )
+        ),
+        mode=mode,
     )
 
 
-def _boxes(world: WorldView, *, is_enabled: bool) -> str:
-    new = ActionButton(
-        Action.AIM_BOX,
-        is_main=world.aimed == 0,
-        is_enabled=is_enabled,
-        target=0,
-    )
-    put = ActionButton(Action.PUT_BOX, is_enabled=is_enabled)
-    rows = [button_row(new, put), *(_box(each.number, world.aimed, is_enabled=is_enabled) for each in world.boxes)]
+def _boxes(world: WorldView, mode: Mode) -> str:
+    new = ActionButton(Action.AIM_BOX, is_main=world.aimed == 0, target=0)
+    rows = [button_row(new, ActionButton(Action.PUT_BOX), mode=mode)]
+    rows += [_box(each.number, world.aimed, mode) for each in world.boxes]
     if world.aimed is not None:
         rows.append(note("Click the floor, coloured now, where the box shall be. Press again to cancel."))
     return "".join(rows)
 
 
-def _box(number: int, aimed: int | None, *, is_enabled: bool) -> str:
-    move = ActionButton(
-        Action.AIM_BOX,
-        f"Move box {number}",
-        is_main=aimed == number,
-        is_enabled=is_enabled,
-        target=number,
-    )
-    take = ActionButton(Action.TAKE_BOX, f"Take away box {number}", is_enabled=is_enabled, target=number)
-    return button_row(move, take)
+def _box(number: int, aimed: int | None, mode: Mode) -> str:
+    move = ActionButton(Action.AIM_BOX, f"Move box {number}", is_main=aimed == number, target=number)
+    take = ActionButton(Action.TAKE_BOX, f"Take away box {number}", target=number)
+    return button_row(move, take, mode=mode)
 
 
-def _light(world: WorldView, *, is_enabled: bool) -> str:
+def _light(world: WorldView, mode: Mode) -> str:
     now = round(100 * world.light)
     return button_row(
         *(
-            ActionButton(
-                Action.LIGHT,
-                name,
-                hint=f"light at {percent} %",
-                is_main=percent == now,
-                is_enabled=is_enabled,
-                target=percent,
-            )
+            ActionButton(Action.LIGHT, name, hint=f"light at {percent} %", is_main=percent == now, target=percent)
             for name, percent in LIGHTS
-        )
+        ),
+        mode=mode,
     )

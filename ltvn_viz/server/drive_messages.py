@@ -13,8 +13,9 @@ from msgspec import Meta
 from ltvn_core.structured_text import parse_json
 from ltvn_viz.server.driver_seat import ClientId, SeatState
 from ltvn_viz.server.keymap import Direction
-from ltvn_viz.wishes.commands import Action, Ask
-from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES
+from ltvn_viz.wishes.commands import Ask
+from ltvn_viz.wishes.wish import Whole
+from ltvn_viz.wishes.wish_table import Action
 
 MAX_MESSAGE_BYTES = 4096
 _HERE_TEXT = '{"type":"here"}'
@@ -27,7 +28,6 @@ class MessageError(ValueError):
     """Text for the page when its socket is closed."""
 
 
-_Whole: TypeAlias = Annotated[int, Meta(ge=0, le=MAX_WHOLE)]
 _Share: TypeAlias = Annotated[float, Meta(ge=-1, le=1)]
 
 
@@ -37,8 +37,8 @@ class DriveMessage(msgspec.Struct, frozen=True, tag="drive", tag_field="type", f
     held: Annotated[frozenset[Direction], Meta(max_length=len(Direction))]
     stick: tuple[_Share, _Share]
     slow: bool
-    epoch: _Whole
-    age: _Whole
+    epoch: Whole
+    age: Whole
     """Age of the input in milliseconds when the message was sent; a page that is busy drawing sends late."""
 
 
@@ -66,7 +66,8 @@ class _ActionMessage(msgspec.Struct, frozen=True, tag="action", tag_field="type"
     """A press or a click, with its value."""
 
     action: Action
-    value: int | str | tuple[int | float, int | float] | None
+    value: object
+    """Checked by the row of the action."""
 
 
 PageMessage: TypeAlias = DriveMessage | Ask | LinkMessage | ViewMessage | HereMessage
@@ -81,14 +82,11 @@ def parse_message(text: str | bytes) -> PageMessage:
     try:
         fields = parse_json(text, _refuse_constant)
         message = msgspec.convert(fields, DriveMessage | LinkMessage | ViewMessage | HereMessage | _ActionMessage)
+        if not isinstance(message, _ActionMessage):
+            return message
+        return Ask(message.action, message.action.wish.value_of(message.value))
     except (ValueError, OverflowError) as error:
         raise MessageError(f"not a message of a page: {str(error)!r:.200}") from error
-    if not isinstance(message, _ActionMessage):
-        return message
-    carries = WISHES[message.action].carries
-    if not carries.fits(message.value):
-        raise MessageError(f"{message.action} carries {carries.name.lower()}, within limits")
-    return Ask(message.action, message.value)
 
 
 def _refuse_constant(name: str) -> float:

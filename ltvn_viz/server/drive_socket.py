@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any
 
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
@@ -33,8 +32,9 @@ from ltvn_viz.server.drive_messages import (
 )
 from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, HeldInput, Presence, StopReason
 from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget
-from ltvn_viz.wishes.commands import Action, Ask
-from ltvn_viz.wishes.wish_table import WISHES, Audience
+from ltvn_viz.wishes.commands import Ask
+from ltvn_viz.wishes.wish import Audience
+from ltvn_viz.wishes.wish_table import Action
 
 logger = logging.getLogger(__name__)
 
@@ -174,7 +174,12 @@ class DriveSocket:
         sender = asyncio.create_task(page.send_forever())
         try:
             self._tell_pages()
-            await self._listen(page)
+            budget = PageBudget(self._pace)
+            async for text in connection:
+                budget.count(text)
+                if len(text) > MAX_MESSAGE_BYTES:
+                    raise MessageError(f"{len(text)} bytes; at most {MAX_MESSAGE_BYTES} would be valid")
+                self._obey(page, parse_message(text))
         except MessageError as error:
             self._refusal_log.log(logging.WARNING, "closed the drive socket of page %d: %s", page.client, error)
             await connection.hang_up(error.told)
@@ -239,14 +244,6 @@ class DriveSocket:
         self.settle()
         self._watchdog.join(timeout=1.0)
 
-    async def _listen(self, page: _Page) -> None:
-        budget = PageBudget(self._pace)
-        async for text in page.connection:
-            budget.count(text)
-            if len(text) > MAX_MESSAGE_BYTES:
-                raise MessageError(f"{len(text)} bytes; at most {MAX_MESSAGE_BYTES} would be valid")
-            self._obey(page, parse_message(text))
-
     def _obey(self, page: _Page, message: PageMessage) -> None:
         match message:
             case HereMessage():
@@ -266,16 +263,12 @@ class DriveSocket:
             case Ask(Action.RELEASE):
                 self.seat.release(page.client)
             case Ask(action):
-                free = WISHES[action].audience is Audience.EVERYBODY
-                self._pass_on(page, self.listener.on_command, message, free=free)
+                if action.wish.audience is Audience.EVERYBODY or self._sits(page):
+                    self._call(self.listener.on_command, message)
             case LinkMessage(query):
-                self._pass_on(page, self.listener.on_link, query, free=False)
+                if self._sits(page):
+                    self._call(self.listener.on_link, query)
         self.settle()
-
-    def _pass_on(self, page: _Page, tell: Callable[[Any], None], said: object, *, free: bool) -> None:
-        """Pass the request of a page to the listener, if all pages are allowed to make it or the page has the seat."""
-        if free or self._sits(page):
-            self._call(tell, said)
 
     def _sits(self, page: _Page) -> bool:
         """Return whether a page has the seat, which it takes if it is free; if not, tell the page which one has it."""

@@ -17,7 +17,8 @@ from ltvn_viz.server.glossary import TERMS
 from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows, us_caps
 from ltvn_viz.server.requests import HTML, LINK_PARAMETERS, reply
 from ltvn_viz.server.strip_kinds import strip_tables
-from ltvn_viz.wishes.wish_table import WISHES, Audience
+from ltvn_viz.wishes.wish import Audience
+from ltvn_viz.wishes.wish_table import Action
 
 _UNPACKED = "const code=td.decode(heap.subarray(up+ss,up+sz));"
 """Place in viser's loader where its application is available as text."""
@@ -161,8 +162,8 @@ def _script() -> str:
         "KEYMAP": {
             "directions": direction_codes(),
             "actions": action_codes(),
-            "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is Audience.EVERYBODY),
-            "labels": {action: wish.label or wish.help for action, wish in WISHES.items()},
+            "everybody": sorted(action for action in Action if action.wish.audience is Audience.EVERYBODY),
+            "labels": {action: action.wish.words for action in Action},
             "allDirections": list(Direction),
             "help": help_rows(),
             "caps": us_caps(),

@@ -1,4 +1,4 @@
-"""The key bindings for the page's script and its help: keys for directions while held, and the keys of `WISHES`.
+"""The key bindings for the page's script and its help: keys for directions while held, and those of wishes.
 
 Owns no behaviour: the script sends directions and actions; the driver's seat and the session execute them.
 """
@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
 
-from ltvn_viz.wishes.commands import Action
-from ltvn_viz.wishes.wish_table import WISHES
+from ltvn_viz.wishes.wish_table import Action
 
 
 class Direction(StrEnum):
@@ -52,14 +51,14 @@ KEY_LABELS = {
 
 
 def key_label(action: Action) -> str:
-    """Return the label of an action's keys; empty if it has none."""
-    return " or ".join(map(us_cap, WISHES[action].keys))
+    """Return the label of an action's key; empty if it has none."""
+    return us_cap(action.wish.key)
 
 
 def help_rows() -> tuple[tuple[tuple[str, ...], str], ...]:
     """Return (key codes, description) of every binding, in the order of the help."""
     held = [(keys.codes, keys.help) for keys in DIRECTION_KEYS.values()]
-    return (*held, SLOW_HELP, *((wish.keys, wish.help) for wish in WISHES.values() if wish.keys))
+    return (*held, SLOW_HELP, *(((row.wish.key,), row.wish.help) for row in Action if row.wish.key))
 
 
 def us_caps() -> dict[str, str]:
@@ -80,4 +79,4 @@ def direction_codes() -> dict[str, str]:
 
 def action_codes() -> dict[str, str]:
     """Return the script's table of pressed keys: code -> action."""
-    return {code: action.value for action, wish in WISHES.items() for code in wish.keys}
+    return {action.wish.key: action.value for action in Action if action.wish.key}

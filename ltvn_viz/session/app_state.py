@@ -5,12 +5,14 @@ Owns the rule how an activity ends. `command_handlers` runs commands, and `snaps
 
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.data.importing.played_drive import PlayedDrive
+from ltvn_core.errors import OptionError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.navigation.events import Severity
@@ -26,10 +28,10 @@ from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.goals import Goals, PlaceLookup
 from ltvn_viz.session.inspection import Inspection
+from ltvn_viz.session.job import Job
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailable
-from ltvn_viz.session.recording_maker import RecordingMaker
+from ltvn_viz.session.recording_library import MadeRecording, RecordingLibrary, rerun_unavailable
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SavedFiles
 from ltvn_viz.session.shown_floor import ShownFloor
@@ -118,8 +120,8 @@ class AppState:
     debugger: Debugger
     build_options: BuildOptions = BuildOptions()  # noqa: RUF009
     """How maps are built from recordings."""
-    maker: RecordingMaker = field(default_factory=RecordingMaker)
-    """Makes new recordings from files in the folder."""
+    making: Job[MadeRecording] = field(default_factory=lambda: Job(Worker(ThreadPoolExecutor(1, "new recordings"))))
+    """The making of a new recording from a file in the folder."""
     places: PlaceLookup = field(default_factory=PlaceLookup)
     """Finds the place of images in the maps of recordings; only for the worker's thread."""
     last_recording: str | None = None
@@ -199,6 +201,20 @@ class AppState:
             number = 1 if self.message is None else self.message.number + 1
             self.message = Message(text, severity, number, title, is_trouble)
         self.said_s = now
+
+    @property
+    def changeable(self) -> ChangeableWorld:
+        """The simulated world, whose changes are queued. Raises OptionError without one."""
+        if self.world is None:
+            raise OptionError("Only a simulated world can be changed here; this robot drives in a real one.")
+        return self.world
+
+    @property
+    def plan_clicks(self) -> FloorPlanClicks:
+        """The alignment of the floor plan. Raises OptionError without a plan."""
+        if self.alignment is None:
+            raise OptionError("There is no floor plan. Start the page with --floor-plan map.yaml to see one.")
+        return self.alignment
 
     @property
     def steps_from(self) -> str:

@@ -34,10 +34,10 @@ class AskedActions:
         """Return the state of the action that was begun last."""
         return self._state
 
-    def answer(self, *, succeeded: bool) -> None:
-        """Take the person's answer; nothing happens if no action is pending."""
+    def answer(self, outcome: int) -> None:
+        """Take the person's answer, 1 for success and 0 for failure; nothing happens if no action is pending."""
         if self._state is ActionState.PENDING:
-            self._answer = succeeded
+            self._answer = bool(outcome)
 
     def settle(self, put_at: Callable[[NodeId], None]) -> None:
         """End the action if the person has answered; `put_at` puts the robot at the node where the action ends.

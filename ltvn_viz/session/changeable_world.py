@@ -85,9 +85,9 @@ class ChangeableWorld:
         """Remove a box."""
         self._ask(lambda: w.ThingRemoved(f"{_BOX_NAME}{number}"))
 
-    def set_light(self, level: float) -> None:
-        """Set the brightness of the light; 1 is the original brightness of the scene."""
-        self._ask(lambda: w.LightChanged(level))
+    def set_light(self, percent: int) -> None:
+        """Set the brightness of the light, in percent of the scene's original brightness."""
+        self._ask(lambda: w.LightChanged(percent / 100))
 
     def change(self, change: w.WorldChange) -> None:
         """Queue a change, as if a person made it."""

@@ -1,14 +1,13 @@
 """Fine-tuning of the network on the present environment: at most one at a time, in a separate thread.
 
 Training takes minutes, and mapping and navigation continue meanwhile, so it has its own thread; it reads and writes
-files of weights. Owns its state: started, cancelled, failed, done, and whether the result is offered.
-`command_handlers` chooses the drive and switches to the new weights.
+files of weights. Owns whether its result is offered.
+`map_handlers` chooses the drive and switches to the new weights.
 
 The remaining time is estimated from measurements on this computer: training takes the requested time; the parts before
 and after it are measured. The final validation takes about as long as the first one, with calibration in between.
 """
 
-import logging
 import math
 import threading
 import time
@@ -18,10 +17,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.errors import OptionError
 from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
 from ltvn_viz.session.fine_tuner import FineTuningRequest
+from ltvn_viz.session.job import Job, JobCancelled, Phase
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
 from ltvn_viz.session.worker import Worker
 
@@ -82,8 +82,6 @@ def _minutes(seconds: float) -> str:
     return f"{math.ceil(seconds / 60)} min"
 
 
-logger = logging.getLogger(__name__)
-
 Tune: TypeAlias = Callable[[FineTuningRequest, ProgressReporter, threading.Event], FineTunedWeights | None]
 """Fine-tunes; None if it was cancelled. Runs in the learning thread."""
 
@@ -101,10 +99,9 @@ class FineTuning:
         """Train `weights`, or the shipped ones for None; if `tune` is None, there is no network to train."""
         self._tune = tune
         self.weights = weights
-        self._worker = Worker(executor)
+        self._job = Job[FineTunedWeights](Worker(executor))
         self.is_possible = tune is not None
         """Whether there is a network to train."""
-        self._cancelled = threading.Event()
         self._status = FineTuningStatus()
         self._told: tuple[float, str] = 0.0, ""
         self._time = LearningTime(0)
@@ -118,7 +115,7 @@ class FineTuning:
         if status.phase is not FineTuningPhase.LEARNING:
             return status
         share, doing = self._told
-        if self._cancelled.is_set():
+        if self._job.cancelled.is_set():
             return replace(status, share=share, doing="stopping")
         return replace(status, share=share, doing=doing, left=self._time.left)
 
@@ -135,12 +132,11 @@ class FineTuning:
         assert self._tune is not None
         tune = self._tune
         request = FineTuningRequest(drive, self.weights, output, minutes)
-        self._cancelled = cancelled = threading.Event()
         self._offer = None
         self._told = (0.0, "beginning")
         self._time = LearningTime(minutes)
         self._status = FineTuningStatus(FineTuningPhase.LEARNING, drive.name)
-        self._worker.submit(lambda: self._run(lambda: tune(request, self._tell, cancelled)), self._ended)
+        self._job.begin("Learning", lambda _: self._learned(tune, request), self._ended)
 
     def require_free(self) -> None:
         """Raise OptionError if no training can start now."""
@@ -154,7 +150,7 @@ class FineTuning:
 
     def cancel(self) -> None:
         """Cancel training at its next step: keep the weights in use and write none."""
-        self._cancelled.set()
+        self._job.cancel()
 
     def dismiss(self) -> None:
         """Keep the weights in use; the new ones stay on disk."""
@@ -168,42 +164,34 @@ class FineTuning:
 
     def collect(self) -> None:
         """Handle the result of a finished training."""
-        self._worker.collect()
+        self._job.collect()
 
     def close(self) -> None:
         """Cancel training and wait for the thread."""
-        self.cancel()
-        self._worker.close()
+        self._job.close()
 
     def _tell(self, share: float, doing: str) -> None:
         self._told = share, doing
         self._time.hear(doing)
 
-    def _run(self, tune: Callable[[], FineTunedWeights | None]) -> FineTunedWeights | str | None:
-        """Run the fine-tuning and return a failure as a sentence, so that the robot and its query continue."""
-        try:
-            return tune()
-        except LtvnError as error:
-            return str(error)
-        except Exception as error:
-            logger.exception("learning failed")
-            return f"Learning failed ({type(error).__name__}: {error}). The log on the console says more."
+    def _learned(self, tune: Tune, request: FineTuningRequest) -> FineTunedWeights:
+        if (found := tune(request, self._tell, self._job.cancelled)) is None:
+            raise JobCancelled
+        return found
 
-    def _ended(self, result: FineTunedWeights | str | None) -> None:
+    def _ended(self) -> None:
         name = self._status.drive
         self._besides_s = self._time.besides_s or self._besides_s
-        match result:
-            case None:
-                self._status = FineTuningStatus(
-                    FineTuningPhase.IDLE, name, lines=("Stopped; the network is as it was.",)
-                )
-            case str(error):
-                self._status = FineTuningStatus(FineTuningPhase.FAILED, name, lines=(error,))
-            case FineTunedWeights():
-                worse = far_false_positives_grew(result)
-                self._offer = None if worse else result.weights
-                phase = FineTuningPhase.WORSE if worse else FineTuningPhase.LEARNED
-                self._status = FineTuningStatus(phase, name, lines=result_lines(result), path=str(result.weights))
+        if (result := self._job.result) is not None:
+            worse = far_false_positives_grew(result)
+            self._offer = None if worse else result.weights
+            phase = FineTuningPhase.WORSE if worse else FineTuningPhase.LEARNED
+            self._status = FineTuningStatus(phase, name, lines=result_lines(result), path=str(result.weights))
+        elif self._job.phase is Phase.FAILED:
+            self._status = FineTuningStatus(FineTuningPhase.FAILED, name, lines=(self._job.reason,))
+        else:
+            stopped = "Stopped; the network is as it was."
+            self._status = FineTuningStatus(FineTuningPhase.IDLE, name, lines=(stopped,))
 
 
 def far_false_positives_grew(learned: FineTunedWeights) -> bool:

@@ -7,12 +7,13 @@ simulator.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from queue import SimpleQueue
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.data.recording.recorded_run import ImageRecorder
-from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_view import ContinuedRobot
 from ltvn_core.types import FrameId, Observation, Pose, Twist
@@ -163,6 +164,11 @@ class LiveRun:
         self._take_in()  # Events name images by their step, so the images come first.
         now = self.robot.state()
         self._append(StampedEvent(now.step, now.stamp, event))
+
+    def emit_changes(self, deltas: Iterable[GraphDelta]) -> None:
+        """Add changes of the map at the current time."""
+        for delta in deltas:
+            self.emit(GraphChanged(delta))
 
     def _append(self, stamped: StampedEvent) -> None:
         self.timeline.append_event(stamped)

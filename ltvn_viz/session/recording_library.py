@@ -10,16 +10,28 @@ from contextlib import ExitStack
 from datetime import datetime
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from ltvn_core.atomic_files import MIN_FREE_DISK_BYTES, require_new_path
 from ltvn_core.data.importing.reader_registry import is_drive
 from ltvn_core.errors import RecordingError, ServerError
+from ltvn_core.findings import Finding
 from ltvn_core.readable_text import readable
 
 SUFFIX = ".rrd"
 DISCARDED = "discarded"
 OTHER_SUFFIXES = (".safetensors", ".json")
 """Endings of other files that the toolkit writes beside recordings."""
+
+
+class MadeRecording(NamedTuple):
+    """A new recording of the library."""
+
+    name: str
+    text: str
+    """Description of the recording's content."""
+    findings: tuple[Finding, ...] = ()
+    """Doubtful findings about the recording."""
 
 
 class RecordingLibrary:

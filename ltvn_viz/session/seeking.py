@@ -24,6 +24,11 @@ def seek(state: AppState, time_s: float) -> None:
     state.plays_past = state.plays_past and state.shown_stamp is not None
 
 
+def seek_ms(state: AppState, time_ms: int) -> None:
+    """Show the state at a time in milliseconds after the beginning."""
+    seek(state, time_ms / 1000)
+
+
 def seek_by(state: AppState, seconds: float) -> None:
     """Show the state at a later time (positive), or an earlier time (negative), by a number of seconds."""
     seek(state, _shown_stamp(state) - state.shown_run.start_s + seconds)
@@ -59,6 +64,16 @@ def let_time_pass(state: AppState, tick_s: float) -> None:
         state.activity.speed = state.play_speed
     elif state.plays_past and state.shown_stamp is not None:
         seek(state, state.shown_stamp + tick_s * state.play_speed - state.live.timeline.start_s)
+
+
+def seek_event(state: AppState, direction: int) -> None:
+    """Show the next moment with an event, or for a negative direction the previous one."""
+    seek_mark(state, None, forwards=direction > 0)
+
+
+def seek_query(state: AppState, direction: int) -> None:
+    """Show the next moment at which a query starts, or for a negative direction the previous one."""
+    seek_mark(state, MarkKind.QUERY_START, forwards=direction > 0)
 
 
 def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None:

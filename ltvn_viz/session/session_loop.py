@@ -21,16 +21,16 @@ from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.command_handlers import handle, take_made_recording
+from ltvn_viz.session.app_state import Activity, AppState
+from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
-from ltvn_viz.session.world_handlers import advance_activity, carry_out_changes, go_on_with_story
+from ltvn_viz.session.world_handlers import carry_out_changes, go_on_with_story
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 logger = logging.getLogger(__name__)
 
@@ -176,7 +176,7 @@ class Session:
         self._state.live.robot.stop()
         self._state.cancel("The app is closing", "the app is closing")
         self._state.fine_tuning.cancel()
-        self._state.maker.close()
+        self._state.making.close()
         self._state.worker.close()
         self._guarded(self._state.worker.collect)
         self._state.fine_tuning.close()
@@ -212,12 +212,15 @@ class Session:
         state.worker.collect()
         self._record()
         state.fine_tuning.collect()
-        take_made_recording(state)
+        state.making.collect()
         if self._absence() is None or state.keeps_going:
             go_on_with_story(state)
         carry_out_changes(state)
         let_time_pass(state, TICK_S)
-        advance_activity(state)
+        if state.story is not None and state.story.is_waiting and _may_stand(state.activity):
+            state.story.stand()  # A caption is read.
+        else:
+            state.activity.tick()
         _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:
             state.activity = state.teleop
@@ -264,6 +267,10 @@ class Session:
 
 def _is_stop(command: c.Command | None) -> bool:
     return isinstance(command, c.Ask) and command.action is c.Action.STOP
+
+
+def _may_stand(activity: Activity) -> bool:
+    return isinstance(activity, Navigation) and not activity.is_thinking
 
 
 def _watch_link(state: AppState) -> None:

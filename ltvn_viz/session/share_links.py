@@ -12,7 +12,8 @@ from urllib.parse import parse_qs, urlencode
 from ltvn_core.errors import OptionError
 from ltvn_viz.server.requests import LINK_PARAMETERS
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.wishes.commands import Action, Ask, Command, OpenRecording, PointAt
+from ltvn_viz.wishes.commands import Ask, Command, OpenRecording, PointAt
+from ltvn_viz.wishes.wish_table import Action
 
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32

@@ -26,6 +26,10 @@ class ShownFloor:
         self._shown = 0
         self._part = EMPTY_GRAPH
 
+    def choose(self, floor: int | None) -> None:
+        """Show a floor, from 0; None follows the robot."""
+        self.chosen = floor
+
     def of(self, snapshot: Snapshot) -> Snapshot:
         """Return a snapshot of the chosen floor, else of the robot's floor; the same snapshot if the map has one floor.
 

@@ -21,7 +21,7 @@ from ltvn_core.simulation.scene import Scene, door_names
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
 from ltvn_viz.timeline.run_moment import RunMoment
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 BOX_SIZE_M = (0.4, 0.4, 0.5)
 """Width, depth and height of a placed box, in metres."""

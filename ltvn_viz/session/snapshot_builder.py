@@ -14,12 +14,12 @@ from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.camera_feed import LargerImage
-from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.floor_plan_clicks import aligning_hint
+from ltvn_viz.session.map_handlers import drive_name
 from ltvn_viz.session.snapshot import FineTuningPhase, LoopRates, Snapshot, TimelineStatus, WayNodes
 from ltvn_viz.session.world_handlers import no_story
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 LIST_EVERY_S = 2.0
 """Interval between searches of the folder of recordings, in seconds."""
@@ -72,7 +72,7 @@ class SnapshotBuilder:
         """Return the snapshot for now."""
         self._meter.count()
         activity = state.activity
-        making = state.maker.work
+        making = state.making.work
         learning = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
         if learning.phase is not FineTuningPhase.LEARNING:
             learning = replace(learning, drive=drive_name(state))

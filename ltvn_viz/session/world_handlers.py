@@ -5,22 +5,14 @@ from collections.abc import Sequence
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.door_story.story_map import NO_STORY, why_no_story
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.navigation.events import Severity
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.goal_handlers import drive_to
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.wishes import commands as c
-
-
-def world_of(state: AppState) -> ChangeableWorld:
-    """Return the simulated world, whose changes are queued. Raises OptionError without one."""
-    if state.world is None:
-        raise OptionError("Only a simulated world can be changed here; this robot drives in a real one.")
-    return state.world
 
 
 def begin_story(state: AppState) -> None:
@@ -28,13 +20,19 @@ def begin_story(state: AppState) -> None:
 
     Raises OptionError if no story can be played here.
     """
-    world = world_of(state)
+    world = state.changeable
     if why_not := no_story(state):
         raise OptionError(why_not)
     state.end_steps("another story begins")
     if state.story is not None:
         state.story.close()
     state.story = StoryTeller(state.live, state.live_map, world)
+
+
+def use_alignment(state: AppState) -> None:
+    """Keep the floor plan as it lies now. Raises OptionError without a plan, or with too few clicks."""
+    state.plan_clicks.use()
+    state.say("The floor plan is aligned. “World” shows the option that gives the same alignment next time.")
 
 
 def carry_out_changes(state: AppState) -> None:
@@ -63,20 +61,10 @@ def change_map(state: AppState, deltas: Sequence[GraphDelta]) -> None:
     """Change the map by hand, in the worker's thread."""
 
     def show(changed: Sequence[GraphDelta]) -> None:
-        for delta in changed:
-            state.live.emit(GraphChanged(delta))
+        state.live.emit_changes(changed)
         state.debugger.take_in_all_events()
 
     state.worker.submit(lambda: state.live_map.change(deltas), show)
-
-
-def advance_activity(state: AppState) -> None:
-    """Let the activity go on by a tick; while a caption of the story is read, the robot stands instead."""
-    story, activity = state.story, state.activity
-    if story is not None and story.is_waiting and isinstance(activity, Navigation) and not activity.is_thinking:
-        story.stand()
-    else:
-        activity.tick()
 
 
 def go_on_with_story(state: AppState) -> None:

@@ -1,226 +1,142 @@
-"""The table of requests (wishes) on the page: for each, its legal modes, texts, keys, value, and audience.
+"""The one table of wishes: what a person can ask for, by a button, a key, the palette, a click, a link or a program.
 
-`WISHES` is the source of keys, buttons, viser's controls, the palette, the help, and the explanation of a refused
-command; `session.command_handlers` has the function of each wish. Keys are named by KeyboardEvent.code of the browser,
-which is the position on the keyboard and thus independent of the layout.
+Buttons, keys, palette, help, the check of messages, the words of a refusal and the session read it, so that a new wish
+is a row here and a button in a panel.
 """
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import Enum, auto
+from enum import StrEnum
+from typing import Self
 
-from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action, Ask, Command, Mode, Value
+from ltvn_viz.wishes.modes import ANYWHERE, DRIVING, IN_TIME, LIVE, REPLAYING, STANDING, UNDER_WAY
+from ltvn_viz.wishes.wish import Audience, Edge, Need, Place, Switch, Text, Whole, Wish
 
-
-class Audience(Enum):
-    """Pages that may use a wish."""
-
-    DRIVER = auto()
-    """The page with the seat, because all pages see the effect."""
-    EVERYBODY = auto()
-    """Any page; the driver's seat or the page itself performs it."""
+LEAST_MINUTES = 1
+MOST_MINUTES = 60
+"""Shortest and longest fine-tuning, in minutes."""
+SEEK_S = 1
+"""Time in seconds by which a key moves the moment on show."""
 
 
-MAX_WHOLE = 2**53 - 1
-"""Largest integer that JavaScript represents exactly, as it does all smaller ones."""
-MAX_TEXT = 500
-"""Maximum number of characters of a name or a question."""
-FARTHEST_M = 10_000.0
+class Action(StrEnum):
+    """The wishes; the value of each is its name between page and server."""
 
+    wish: Wish
+    """The row."""
 
-class Carried(Enum):
-    """The kind of value that a wish carries."""
+    def __new__(cls, wish: Wish) -> Self:
+        """Make a member whose value is the name of its wish."""
+        member = str.__new__(cls, wish.name)
+        member._value_ = wish.name
+        member.wish = wish
+        return member
 
-    NOTHING = auto()
-    WHOLE = auto()
-    """An integer of 0 or more."""
-    WHOLE_OR_NOTHING = auto()
-    SWITCH = auto()
-    """A switch: 1 for on, 0 for off."""
-    TEXT = auto()
-    PLACE = auto()
-    """A position (x, y) in metres."""
-    EDGE = auto()
-    """Source and target of an edge."""
-    PLACE_OR_NOTHING = auto()
-
-    def fits(self, value: Value) -> bool:
-        """Tell whether a value is of this kind, and not too large."""
-        match value:
-            case None:
-                return self in (Carried.NOTHING, Carried.WHOLE_OR_NOTHING, Carried.PLACE_OR_NOTHING)
-            case bool():
-                return False
-            case int():
-                most = 1 if self is Carried.SWITCH else MAX_WHOLE
-                return self in _NUMBERS and 0 <= value <= most
-            case str():
-                return self is Carried.TEXT and len(value) <= MAX_TEXT
-            case int() as source, int() as target if self is Carried.EDGE:
-                return min(source, target) >= 0 and max(source, target) <= MAX_WHOLE
-            case x, y:
-                return self in _PLACES and max(abs(x), abs(y)) <= FARTHEST_M and math.isfinite(x + y)
-
-
-_NUMBERS = (Carried.WHOLE, Carried.WHOLE_OR_NOTHING, Carried.SWITCH)
-_PLACES = (Carried.PLACE, Carried.PLACE_OR_NOTHING)
-
-
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """One row of the table."""
-
-    modes: frozenset[Mode]
-    """Modes in which the wish is legal."""
-    label: str
-    """Text of the button; empty if there is no button."""
-    help: str
-    """Effect of the action; it begins with a small letter, because it follows the name of a key."""
-    keys: tuple[str, ...] = ()
-    carries: Carried = Carried.NOTHING
-    audience: Audience = Audience.DRIVER
-
-    @property
-    def is_listed(self) -> bool:
-        """Tell whether the palette can list the wish without a value."""
-        return self.audience is Audience.DRIVER and self.carries.fits(None)
-
-
-WISHES: Mapping[Action, Wish] = {
-    Action.STOP: Wish(
-        c.ANYWHERE, "Stop", "stop the robot, whoever drives", keys=("Space",), audience=Audience.EVERYBODY
-    ),
-    Action.TAKE_OVER: Wish(c.ANYWHERE, "Take over", "drive from this page", audience=Audience.EVERYBODY),
-    Action.RELEASE: Wish(c.ANYWHERE, "", "let another page drive", audience=Audience.EVERYBODY),
-    Action.RECORD: Wish(c.LIVE, "Record", "start recording", keys=("KeyR",)),
-    Action.KEEP: Wish(c.LIVE, "Keep", "end the recording and keep it", keys=("KeyN",)),
-    Action.DISCARD: Wish(c.LIVE, "Discard", "end the recording and set it aside", keys=("Backspace",)),
-    Action.BUILD: Wish(c.STANDING, "Build a map", "build a map of all images", keys=("KeyB",)),
-    Action.UNDO_BUILD: Wish(c.DRIVING, "Undo the rebuild", "restore the map from before the rebuild"),
-    Action.LEARN: Wish(
-        c.ANYWHERE,
-        "Learn from this drive",
+    # A row is a line of words and a line of rules.
+    # fmt: off
+    STOP = Wish("stop", ANYWHERE, "Stop", "stop the robot, whoever drives", "Space",
+        audience=Audience.EVERYBODY, does="robot_handlers:stop")
+    TAKE_OVER = Wish("take_over", ANYWHERE, "Take over", "drive from this page",
+        audience=Audience.EVERYBODY, does="robot_handlers:take_over")
+    RELEASE = Wish("release", ANYWHERE, "", "let another page drive", audience=Audience.EVERYBODY)
+    RECORD = Wish("record", LIVE, "Record", "start recording", "KeyR",
+        needs=(Need.NO_RECORDING,), does="robot_handlers:record")
+    KEEP = Wish("keep", LIVE, "Keep", "end the recording and keep it", "KeyN",
+        needs=(Need.RECORDING,), does="robot_handlers:keep")
+    DISCARD = Wish("discard", LIVE, "Discard", "end the recording and set it aside", "Backspace",
+        needs=(Need.RECORDING,), does="robot_handlers:discard")
+    BUILD = Wish("build", STANDING, "Build a map", "build a map of all images", "KeyB",
+        needs=(Need.FREE_MAKER,), does="map_handlers:build_map")
+    UNDO_BUILD = Wish("undo_build", DRIVING, "Undo the rebuild", "restore the map from before the rebuild",
+        needs=(Need.REBUILD,), does="map_handlers:undo_build")
+    LEARN = Wish("learn", ANYWHERE, "Learn from this drive",
         "fine-tune the network on these images; the map does not change until you use the new weights",
-        carries=Carried.WHOLE,
-    ),
-    Action.STOP_LEARNING: Wish(c.ANYWHERE, "Stop learning", "stop learning; the network stays as it is"),
-    Action.USE_WEIGHTS: Wish(
-        c.DRIVING,
-        "Use these weights and rebuild the map",
+        takes=Whole, does="map_handlers:start_fine_tuning")
+    STOP_LEARNING = Wish("stop_learning", ANYWHERE, "Stop learning", "stop learning; the network stays as it is",
+        does="fine_tuning.cancel")
+    USE_WEIGHTS = Wish("use_weights", DRIVING, "Use these weights and rebuild the map",
         "use the new weights; it takes about as long as building a map",
-    ),
-    Action.LEAVE_WEIGHTS: Wish(
-        c.ANYWHERE, "Discard the new weights", "keep the weights in use; the new ones stay on disk"
-    ),
-    Action.GOAL: Wish(c.DRIVING, "Navigate", "go to the chosen goal", keys=("KeyG",), carries=Carried.WHOLE_OR_NOTHING),
-    Action.SELECT: Wish(c.LIVE, "Choose a goal", "go to the node of an image", carries=Carried.WHOLE),
-    Action.PICK: Wish(c.ANYWHERE, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE),
-    Action.PICK_EDGE: Wish(c.ANYWHERE, "", "ask about an edge of the map", carries=Carried.EDGE),
-    Action.CANCEL: Wish(c.ANYWHERE, "Cancel", "cancel the current activity", keys=("Escape",)),
-    Action.END_ACTION: Wish(
-        c.UNDER_WAY,
-        "End the action",
+        does="map_handlers:use_weights")
+    LEAVE_WEIGHTS = Wish("leave_weights", ANYWHERE, "Discard the new weights",
+        "keep the weights in use; the new ones stay on disk",
+        does="fine_tuning.dismiss")
+    GOAL = Wish("goal", DRIVING, "Navigate", "go to the chosen goal", "KeyG",
+        takes=Whole | None, needs=(Need.OBEDIENT_ROBOT,), does="goal_handlers:navigate")
+    SELECT = Wish("select", LIVE, "Choose a goal", "go to the node of an image",
+        takes=Whole, does="goal_handlers:choose_goal")
+    PICK = Wish("pick", ANYWHERE, "", "go to a node of the scene, or ask about it",
+        takes=Whole, does="goal_handlers:pick")
+    PICK_EDGE = Wish("pick_edge", ANYWHERE, "", "ask about an edge of the map",
+        takes=Edge, does="command_handlers:pick_edge")
+    CANCEL = Wish("cancel", ANYWHERE, "Cancel", "cancel the current activity", "Escape",
+        does="robot_handlers:cancel")
+    END_ACTION = Wish("end_action", UNDER_WAY, "End the action",
         "tell the robot whether the action is done that it waits for",
-        carries=Carried.SWITCH,
-    ),
-    Action.PAUSE: Wish(c.UNDER_WAY | c.REPLAYING, "Pause", "pause, or continue", keys=("KeyP",)),
-    Action.STEP: Wish(c.UNDER_WAY, "Step", "one control step, then pause", keys=("Period",)),
-    Action.PLAY_DRIVE: Wish(
-        c.DRIVING, "Play the drive again", "play the drive in the robot's place from its beginning"
-    ),
-    Action.KEEP_GOING: Wish(
-        c.ANYWHERE,
-        "Keep going when this page closes",
+        takes=Switch, does="actions.answer")
+    PAUSE = Wish("pause", UNDER_WAY | REPLAYING, "Pause", "pause, or continue", "KeyP",
+        does="robot_handlers:pause")
+    STEP = Wish("step", UNDER_WAY, "Step", "one control step, then pause", "Period",
+        does="robot_handlers:step")
+    PLAY_DRIVE = Wish("play_drive", DRIVING, "Play the drive again",
+        "play the drive in the robot's place from its beginning",
+        needs=(Need.PLAYED_DRIVE,), does="robot_handlers:play_drive")
+    KEEP_GOING = Wish("keep_going", ANYWHERE, "Keep going when this page closes",
         "for long runs in simulation; otherwise a query pauses as soon as no page is open",
-        carries=Carried.SWITCH,
-    ),
-    Action.OPEN: Wish(c.STANDING, "Open", "open a recording", carries=Carried.TEXT),
-    Action.IMPORT: Wish(c.STANDING, "Import", "make a recording of a drive and open it", carries=Carried.TEXT),
-    Action.CLOSE: Wish(c.REPLAYING, "Back to the robot", "leave the recording"),
-    Action.SEEK_BACK: Wish(c.IN_TIME, "", "go back one second", keys=("BracketLeft",)),
-    Action.SEEK_FORWARD: Wish(c.IN_TIME, "", "go forward one second", keys=("BracketRight",)),
-    Action.SEEK: Wish(
-        c.IN_TIME, "Seek", "show a moment, given in milliseconds after the beginning", carries=Carried.WHOLE
-    ),
-    Action.PLAY: Wish(c.IN_TIME, "Play", "play, or pause the time shown"),
-    Action.SPEED: Wish(c.ANYWHERE, "", "set the speed of playing, in percent", carries=Carried.WHOLE),
-    Action.SHOW_NOW: Wish(c.IN_TIME, "Back to now", "go back to now"),
-    Action.EVENT_BEFORE: Wish(c.IN_TIME, "Go to an event", "look back: go to the previous event", keys=("Semicolon",)),
-    Action.EVENT_AFTER: Wish(c.IN_TIME, "", "look back: go to the next event", keys=("Quote",)),
-    Action.QUERY_BEFORE: Wish(c.IN_TIME, "", "look back: go to the previous query", keys=("Minus",)),
-    Action.QUERY_AFTER: Wish(c.IN_TIME, "", "look back: go to the next query", keys=("Equal",)),
-    Action.DOOR: Wish(c.LIVE, "Open or close a door", "close an open door, open a closed one", carries=Carried.WHOLE),
-    Action.AIM_BOX: Wish(c.LIVE, "Put a box on the floor", "then click its place on the floor", carries=Carried.WHOLE),
-    Action.PUT_BOX: Wish(
-        c.LIVE, "Put a box in front of the robot", "put a box in front of the robot", carries=Carried.PLACE_OR_NOTHING
-    ),
-    Action.TAKE_BOX: Wish(c.LIVE, "Take away a box", "take a box away", carries=Carried.WHOLE),
-    Action.LIGHT: Wish(
-        c.LIVE, "Change the light", "set the brightness of the light, in percent", carries=Carried.WHOLE
-    ),
-    Action.UNDO_CHANGE: Wish(c.LIVE, "Undo", "undo the last change of the world"),
-    Action.WATCH_IT_LEARN: Wish(
-        c.DRIVING, "Watch it learn", "watch how the map learns: a door on the robot's path closes, and opens again"
-    ),
-    Action.SHOW_FLOOR: Wish(
-        c.ANYWHERE, "Show the robot's floor", "show one floor of a map with several", carries=Carried.WHOLE_OR_NOTHING
-    ),
-    Action.ALIGN_PLAN: Wish(
-        c.ANYWHERE, "Align the floor plan by clicks", "lay the floor plan under the map, by clicks on both"
-    ),
-    Action.POINT_ON_PLAN: Wish(c.ANYWHERE, "", "point to the node's place on the plan", carries=Carried.PLACE),
-    Action.UNDO_PLAN_CLICK: Wish(c.ANYWHERE, "", "take the last click of the alignment back"),
-    Action.USE_ALIGNMENT: Wish(c.ANYWHERE, "", "keep the floor plan as it lies now"),
-    Action.QUESTION: Wish(c.ANYWHERE, "Ask why", "choose a question", carries=Carried.TEXT),
-    Action.TELL: Wish(c.ANYWHERE, "", "give the question shown the text that it asks for", carries=Carried.TEXT),
-    Action.FOLLOW: Wish(c.ANYWHERE, "", "follow a link of the answer", carries=Carried.WHOLE),
-    Action.HELP: Wish(c.ANYWHERE, "", "show or hide this help", keys=("KeyH",), audience=Audience.EVERYBODY),
-}
-
-_OTHERS: Mapping[type[Command], tuple[frozenset[Mode], str]] = {
-    c.NavigateToImage: (c.STANDING, "upload an image"),
-    c.EditMap: (c.DRIVING, "change the map by hand"),
-    c.OpenRecording: (c.STANDING, "open"),
-    c.Seek: (c.IN_TIME, "seek"),
-}
-"""Legal modes and names of the commands outside the table; all others are legal in every mode."""
-
-
-def refusal(command: Command, mode: Mode) -> str | None:
-    """Return why `command` is illegal in `mode`, and what makes it possible; None if it is legal."""
-    if isinstance(command, Ask):
-        wish = WISHES[command.action]
-        modes, words = wish.modes, wish.label or wish.help
-    else:
-        modes, words = _OTHERS.get(type(command), (c.ANYWHERE, ""))
-    if mode in modes:
-        return None
-    return f"“{words[:1].upper()}{words[1:]}” is not possible while {_WHILE[mode]}. {_first(modes, mode)}"
-
-
-_WHILE = {
-    Mode.TELEOP: "the robot waits for you",
-    Mode.BUILDING: "the map is being built",
-    Mode.NAVIGATING: "the robot drives to a goal",
-    Mode.PAUSED: "a query is paused",
-    Mode.REPLAY: "a recording is open",
-}
-"""What the app does in each mode, in words."""
-
-
-def _first(legal: frozenset[Mode], mode: Mode) -> str:
-    """Return what a person must do first to come from a mode to one in which a command is legal."""
-    match mode:
-        case Mode.BUILDING:
-            return "Wait until the map is done, or press Cancel."
-        case Mode.NAVIGATING:
-            return "Wait until the robot is there, or press Cancel."
-        case Mode.PAUSED:
-            return "Press Go on or Cancel first."
-        case Mode.REPLAY:
-            return "Press Back to the robot first."
-        case Mode.TELEOP:
-            is_of_replay = legal == {Mode.REPLAY}
-            return "Open a recording under “Replay” first." if is_of_replay else "Choose a goal under “Go” first."
+        takes=Switch, does="robot_handlers:keep_going")
+    OPEN = Wish("open", STANDING, "Open", "open a recording",
+        takes=Text, does="command_handlers:open_recording")
+    IMPORT = Wish("import", STANDING, "Import", "make a recording of a drive and open it",
+        takes=Text, does="map_handlers:import_source")
+    CLOSE = Wish("close", REPLAYING, "Back to the robot", "leave the recording",
+        does="robot_handlers:close_recording")
+    SEEK_BACK = Wish("seek_back", IN_TIME, "", "go back one second", "BracketLeft",
+        does="seeking:seek_by", given=-SEEK_S)
+    SEEK_FORWARD = Wish("seek_forward", IN_TIME, "", "go forward one second", "BracketRight",
+        does="seeking:seek_by", given=SEEK_S)
+    SEEK = Wish("seek", IN_TIME, "Seek", "show a moment, given in milliseconds after the beginning",
+        takes=Whole, does="seeking:seek_ms")
+    PLAY = Wish("play", IN_TIME, "Play", "play, or pause the time shown",
+        does="seeking:play_or_hold")
+    SPEED = Wish("speed", ANYWHERE, "", "set the speed of playing, in percent",
+        takes=Whole, does="seeking:set_speed")
+    SHOW_NOW = Wish("show_now", IN_TIME, "Back to now", "go back to now", does="seeking:show_now")
+    EVENT_BEFORE = Wish("event_before", IN_TIME, "Go to an event", "look back: go to the previous event", "Semicolon",
+        does="seeking:seek_event", given=-1)
+    EVENT_AFTER = Wish("event_after", IN_TIME, "", "look back: go to the next event", "Quote",
+        does="seeking:seek_event", given=1)
+    QUERY_BEFORE = Wish("query_before", IN_TIME, "", "look back: go to the previous query", "Minus",
+        does="seeking:seek_query", given=-1)
+    QUERY_AFTER = Wish("query_after", IN_TIME, "", "look back: go to the next query", "Equal",
+        does="seeking:seek_query", given=1)
+    DOOR = Wish("door", LIVE, "Open or close a door", "close an open door, open a closed one",
+        takes=Whole, does="changeable.toggle_door")
+    AIM_BOX = Wish("aim_box", LIVE, "Put a box on the floor", "then click its place on the floor",
+        takes=Whole, does="changeable.aim_box")
+    PUT_BOX = Wish("put_box", LIVE, "Put a box in front of the robot", "put a box in front of the robot",
+        takes=Place | None, needs=(Need.WORLD,), does="changeable.put_box")
+    TAKE_BOX = Wish("take_box", LIVE, "Take away a box", "take a box away",
+        takes=Whole, does="changeable.take_box")
+    LIGHT = Wish("light", LIVE, "Change the light", "set the brightness of the light, in percent",
+        takes=Whole, does="changeable.set_light")
+    UNDO_CHANGE = Wish("undo_change", LIVE, "Undo", "undo the last change of the world",
+        needs=(Need.WORLD, Need.CHANGE), does="changeable.undo")
+    WATCH_IT_LEARN = Wish("watch_it_learn", DRIVING, "Watch it learn",
+        "watch how the map learns: a door on the robot's path closes, and opens again",
+        needs=(Need.WORLD, Need.NO_STORY, Need.STORY), does="world_handlers:begin_story")
+    SHOW_FLOOR = Wish("show_floor", ANYWHERE, "Show the robot's floor", "show one floor of a map with several",
+        takes=Whole | None, does="floor.choose")
+    ALIGN_PLAN = Wish("align_plan", ANYWHERE, "Align the floor plan by clicks",
+        "lay the floor plan under the map, by clicks on both",
+        needs=(Need.FLOOR_PLAN,), does="plan_clicks.toggle")
+    POINT_ON_PLAN = Wish("point_on_plan", ANYWHERE, "", "point to the node's place on the plan",
+        takes=Place, does="plan_clicks.take_place")
+    UNDO_PLAN_CLICK = Wish("undo_plan_click", ANYWHERE, "", "take the last click of the alignment back",
+        needs=(Need.FLOOR_PLAN,), does="plan_clicks.undo")
+    USE_ALIGNMENT = Wish("use_alignment", ANYWHERE, "", "keep the floor plan as it lies now",
+        needs=(Need.FLOOR_PLAN,), does="world_handlers:use_alignment")
+    QUESTION = Wish("question", ANYWHERE, "Ask why", "choose a question",
+        takes=Text, does="command_handlers:choose_question")
+    TELL = Wish("tell", ANYWHERE, "", "give the question shown the text that it asks for",
+        takes=Text, does="debugger.handle_text")
+    FOLLOW = Wish("follow", ANYWHERE, "", "follow a link of the answer",
+        takes=Whole, does="command_handlers:follow")
+    HELP = Wish("help", ANYWHERE, "", "show or hide this help", "KeyH", audience=Audience.EVERYBODY)
+    # fmt: on

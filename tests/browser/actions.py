@@ -16,7 +16,7 @@ from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.types import NodeId
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.session.session_loop import Session
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.waiting import until
 
 HOLD_S = 20.0

@@ -16,7 +16,8 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.wishes.commands import Action, Ask, AskAbout, Command, Mode, OpenRecording, PointAt, Seek
+from ltvn_viz.wishes.commands import Action, Ask, AskAbout, Command, OpenRecording, PointAt, Seek
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app

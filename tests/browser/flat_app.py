@@ -21,7 +21,7 @@ from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.flat_world import FlatWorld, two_rooms
 from tests.viz.page_sockets import ANY_PACE
 from tests.viz.session_harness import SessionHarness
@@ -95,9 +95,7 @@ def navigate_far(app: FlatApp) -> None:
 
     The newest node would not do: where the robot was driven before, it stands there.
     """
-    graph = app.harness.now.moment.graph
-    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
-    app.session.send(c.Ask(c.Action.GOAL, int(graph.ids[np.argmax(away)])))
+    app.session.send(c.Ask(c.Action.GOAL, app.harness.far_node))
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 

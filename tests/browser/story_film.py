@@ -19,7 +19,7 @@ from playwright.sync_api import Locator, Page, ViewportSize, sync_playwright
 
 from ltvn_viz.app import AppOptions, RunningApp, open_app
 from ltvn_viz.server.driver_seat import DriverSeat
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.pages import open_page, wait_until_drawn

@@ -22,7 +22,8 @@ from ltvn_core.graph.planner import Planner
 from ltvn_core.types import Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.wishes.commands import Mode, OpenRecording
+from ltvn_viz.wishes.commands import OpenRecording
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import click_goal_image, hold_key, wait_for_rest
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS

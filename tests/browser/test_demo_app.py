@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import press, wait_for_built_map
 from tests.browser.pages import open_page, wait_for_scene
 from tests.browser.running_app import running_app

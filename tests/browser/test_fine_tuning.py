@@ -17,7 +17,7 @@ from ltvn_core.training.fine_tuning_data import ProgressReporter
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.fine_tuner import FineTuner
 from ltvn_viz.timeline.run_moment import moment_of
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import press
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app

@@ -14,7 +14,7 @@ from ltvn_viz.panels.status_panel import PANEL_MARK
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import click_goal_image, hold_key, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import on_screen, open_page

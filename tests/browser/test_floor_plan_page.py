@@ -12,7 +12,7 @@ from ltvn_core.geometry import compose, relative
 from ltvn_core.types import Pose
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.snapshot import FloorPlanView
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import PRESSED_S, press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving
 from tests.browser.pages import is_bare_map, on_screen, open_page

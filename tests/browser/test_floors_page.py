@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 from ltvn_core.navigation.events import Outcome
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.viz.two_floors import LIFT, lift_ends, nearest, split_rooms

@@ -14,7 +14,7 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import click_goal_image, hold_key, press, wait_for_built_map
 from tests.browser.running_app import running_app
 from tests.repository import ROOT

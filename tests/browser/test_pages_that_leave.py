@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.debugger_page import press_question
 from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, navigate_far, serving, until_shown

@@ -18,7 +18,7 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.goals import farthest_points
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.verbs.robot_processes import RobotProcesses, robot_processes, start_router
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import click_goal_image, hold_key
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app

@@ -12,7 +12,8 @@ from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import link
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.wishes.commands import Action, Ask, Mode
+from ltvn_viz.wishes.commands import Action, Ask
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.actions import wait_for_rest
 from tests.browser.debugger_page import press_question
 from tests.browser.flat_app import FlatApp, serving, until_shown

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 from ltvn_core.navigation.events import Outcome, QueryEnded
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.story_teller import StoryTeller
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.browser import newcomer
 from tests.browser.actions import wait_for_rest
 from tests.browser.running_app import running_app

@@ -21,7 +21,7 @@ from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Direction
 from ltvn_viz.server.page_messages import read_viser_message
 from ltvn_viz.wishes.commands import Action
-from ltvn_viz.wishes.wish_table import WISHES
+from ltvn_viz.wishes.wish import fits
 
 WATCHERS_OWN = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE})
 """A watcher may do this, and it is meant to change something for all."""
@@ -239,7 +239,7 @@ class HostileMessages:
             (self._random.uniform(-9, 9), 1.0),
             (number, 7),
         )
-        fitting = [value for value in values if WISHES[action].carries.fits(value)]
+        fitting = [value for value in values if fits(value, action.wish.takes)]
         return {"action": action, "value": self._random.choice(fitting)}
 
     def _link(self) -> str:

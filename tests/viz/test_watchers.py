@@ -8,15 +8,12 @@ from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.snapshot import FloorPlanView
-from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.modes import Mode
 from tests.browser.flat_app import FlatApp, serving, until_shown
-from tests.core.data.importing.plan_files import laid_room
 from tests.viz.hostile_messages import HostileMessages, targets_of
 from tests.viz.page_sockets import PageSockets, open_live_page, open_sockets
 from tests.waiting import until
@@ -40,9 +37,7 @@ def start_query(app: FlatApp, page: PageSockets) -> None:
 
     On a busy machine the page may be late with a sign of life, and its query pauses at once: then it asks again.
     """
-    graph = app.harness.now.moment.graph
-    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
-    farthest = int(graph.ids[np.argmax(away)])
+    farthest = app.harness.far_node
 
     def ask_again_when_paused() -> None:
         if app.session.mode is Mode.PAUSED:
@@ -108,44 +103,6 @@ def test_a_watcher_sees_the_driver_s_question_and_asks_none_itself(app: FlatApp)
         watcher.settle()
         shown = app.harness.state.debugger.shown
         assert (shown.question, shown.selection.node, shown.selection.edge) == (QuestionName.EDGE, node, None)
-
-
-def test_a_watcher_who_picks_a_node_leaves_the_robot_until_it_takes_over(app: FlatApp) -> None:
-    with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
-        driver.take_seat()
-        far = int(app.harness.now.moment.graph.ids[-1])
-        watcher.ask(Action.PICK, far)
-        watcher.settle()
-        assert app.session.mode is Mode.TELEOP
-        watcher.take_seat()
-        watcher.ask(Action.PICK, far)
-        until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
-
-
-def test_only_the_page_that_drives_aligns_the_floor_plan(app: FlatApp) -> None:
-    app.harness.state.alignment = FloorPlanClicks(laid_room())
-    with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
-        driver.take_seat()
-        driver.ask(Action.ALIGN_PLAN)
-        until_shown(app, lambda now: now.floor_plan is not None and now.floor_plan.is_aligning)
-        node = int(app.harness.now.moment.graph.ids[3])
-        watcher.ask(Action.PICK, node)
-        watcher.settle()
-        assert view_of(app).node is None
-        driver.ask(Action.PICK, node)
-        until(lambda: view_of(app).node is not None)
-        watcher.ask(Action.POINT_ON_PLAN, (1.0, 1.0))
-        watcher.settle()
-        assert view_of(app).pairs == 0
-        driver.ask(Action.POINT_ON_PLAN, (1.0, 1.0))
-        until(lambda: view_of(app).pairs == 1)
-        assert app.session.mode is Mode.TELEOP
-
-
-def view_of(app: FlatApp) -> FloorPlanView:
-    view = app.harness.now.floor_plan
-    assert view is not None
-    return view
 
 
 def require_unchanged(app: FlatApp, driver: PageSockets, watcher: PageSockets, before: list[object]) -> None:

@@ -1,26 +1,21 @@
 """Rebuilds a map from all images in memory, while the robot stands still.
 
-Owns progress and cancelling. The old map stays until the new one is complete.
+The old map stays until the new one is complete.
 """
 
-import threading
 from collections.abc import Callable, Sequence
 
 from ltvn_core.findings import Finding
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import GraphChanged, Note
+from ltvn_core.navigation.events import Note
+from ltvn_viz.session.job import Job, Progress
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
-Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
-"""Builds the map and returns every change from the old map. Its argument gets the numbers of finished and of all
-images."""
-
-
-class MapBuildingCancelled(Exception):
-    """A person cancelled the building of the map."""
+Rebuild = Callable[[Progress], Sequence[GraphDelta]]
+"""Builds the map and returns every change from the old map."""
 
 
 class MapBuilding:
@@ -44,43 +39,30 @@ class MapBuilding:
         self._live = live
         self._then = then
         self._findings = findings
-        self._cancelled = threading.Event()
-        self._done = 0
-        self._total = 0
+        self._job = Job[Sequence[GraphDelta]](worker)
         self.over = False
         live.robot.stop()
-        worker.submit(lambda: self._run(rebuild), self._built)
+        self._job.begin("Building the map", rebuild, self._built)
 
     @property
     def work(self) -> JobProgress:
         """Progress of the building."""
-        return JobProgress("Building the map", self._done, self._total)
+        return JobProgress(self._job.label, *self._job.images)
 
     def cancel(self) -> None:
         """Cancel the building at the next image and keep the old map."""
-        self._cancelled.set()
+        self._job.cancel()
 
     def tick(self) -> None:
         """Do nothing, because the worker builds the map."""
 
-    def _run(self, rebuild: Rebuild) -> Sequence[GraphDelta] | None:
-        try:
-            return rebuild(self._progress)
-        except MapBuildingCancelled:
-            return None
-
-    def _progress(self, done: int, total: int) -> None:
-        if self._cancelled.is_set():
-            raise MapBuildingCancelled
-        self._done = done
-        self._total = total
-
-    def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
-        for delta in deltas or ():
-            self._live.emit(GraphChanged(delta))
-        if deltas is not None:
-            for finding in self._findings():
-                self._live.emit(Note(str(finding), finding.severity))
+    def _built(self) -> None:
+        if self._job.error is not None:
+            raise self._job.error
         self.over = True
-        if deltas is not None:
-            self._then()
+        if (deltas := self._job.result) is None:
+            return
+        self._live.emit_changes(deltas)
+        for finding in self._findings():
+            self._live.emit(Note(str(finding), finding.severity))
+        self._then()

@@ -14,7 +14,7 @@ from ltvn_core.navigation.events import Event, Tick
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 
 class Navigation:

@@ -36,7 +36,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import CameraImage
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, time_of
 from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 logger = logging.getLogger(__name__)
 

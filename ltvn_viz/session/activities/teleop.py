@@ -11,11 +11,10 @@ import numpy as np
 from ltvn_core.data.recording.recorded_run import DepthWatch
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 
 KEYFRAME_M = 0.12
 KEYFRAME_RAD = float(np.deg2rad(10))
@@ -100,8 +99,7 @@ class Teleop:
         if deltas:
             # A recording that began while the image waited needs the image too, because its map will use it.
             self._live.recorder.write_frame(observation)
-        for delta in deltas:
-            self._live.emit(GraphChanged(delta))
+        self._live.emit_changes(deltas)
 
 
 class AbsentTeleop(Teleop):

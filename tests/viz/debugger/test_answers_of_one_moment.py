@@ -23,7 +23,7 @@ from ltvn_viz.debugger.compared_map import BEFORE_FIRST_QUERY
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS
 from tests.viz.app_session import AppSession
 from tests.viz.debugger.answer_links import answer_of, follow, links, words

@@ -11,7 +11,7 @@ from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.breakpoint_monitor import Breakpoint, BreakpointMonitor
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.debugger.answer_links import follow, words
 from tests.viz.session_harness import SessionHarness, said
 

@@ -24,7 +24,7 @@ from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.plan_files import laid_room
 from tests.repository import DEMO_MAP, RECORDINGS
 from tests.viz.debugger import answer_links

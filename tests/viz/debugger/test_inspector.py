@@ -16,7 +16,7 @@ from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.repository import ROOT
 from tests.viz.debugger.answer_links import follow, links, words
 from tests.viz.session_harness import SessionHarness, said

@@ -14,7 +14,7 @@ from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.repository import DEMO_DRIVE, RECORDINGS
 from tests.viz.app_session import AppSession
 from tests.viz.debugger.answer_links import follow, words

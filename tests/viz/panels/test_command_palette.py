@@ -10,8 +10,8 @@ import viser
 
 from ltvn_viz.panels.command_palette import CommandPalette
 from ltvn_viz.session.snapshot import BoxView, DoorView, Snapshot, WorldView
-from ltvn_viz.wishes.commands import Action, Mode
-from ltvn_viz.wishes.wish_table import WISHES
+from ltvn_viz.wishes.commands import Action, Ask
+from ltvn_viz.wishes.modes import Mode
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def trigger(handle: viser.CommandHandle) -> None:
 def test_actions_questions_and_recordings_are_listed_and_go_when_they_are_gone(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    palette = CommandPalette(server.gui, lambda action, value: None)
+    palette = CommandPalette(server.gui, lambda _: None)
     palette.show(replace(snapshot, recordings={"monday.rrd": ""}))
     labels = listed(server).keys()
     assert any("monday.rrd" in label for label in labels)
@@ -48,8 +48,8 @@ def test_actions_questions_and_recordings_are_listed_and_go_when_they_are_gone(
 def test_all_nodes_are_one_entry_that_drives_nowhere_without_a_number(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    asked: list[Action] = []
-    CommandPalette(server.gui, lambda action, value: asked.append(action)).show(snapshot)
+    asked: list[Ask] = []
+    CommandPalette(server.gui, asked.append).show(snapshot)
     (handle,) = (handle for label, handle in listed(server).items() if "node" in label.lower())
     assert not handle.disabled
     trigger(handle)
@@ -59,8 +59,8 @@ def test_all_nodes_are_one_entry_that_drives_nowhere_without_a_number(
 def test_a_door_a_box_and_the_light_are_found_by_what_is_done_with_them(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    asked: list[tuple[Action, object]] = []
-    palette = CommandPalette(server.gui, lambda action, value: asked.append((action, value)))
+    asked: list[Ask] = []
+    palette = CommandPalette(server.gui, asked.append)
     study = DoorView(0, "hall – study", 1.0, 0.0, along_x=True, width_m=0.9)
     bath = DoorView(1, "hall – bath", 2.0, 0.0, along_x=True, width_m=0.9, is_open=False)
     world = WorldView((study, bath), (BoxView(3, 1.0, 1.0),), aimed=None, light=1.0, undo="")
@@ -70,7 +70,7 @@ def test_a_door_a_box_and_the_light_are_found_by_what_is_done_with_them(
     trigger(handles["Open the door hall – bath"])
     trigger(handles["Take away box 3"])
     trigger(next(handle for label, handle in handles.items() if label.startswith("Light: dim")))
-    assert asked == [(Action.DOOR, 0), (Action.DOOR, 1), (Action.TAKE_BOX, 3), (Action.LIGHT, 50)]
+    assert asked == [Ask(Action.DOOR, 0), Ask(Action.DOOR, 1), Ask(Action.TAKE_BOX, 3), Ask(Action.LIGHT, 50)]
     palette.show(replace(snapshot, world=replace(world, doors=(replace(study, is_open=False), bath), boxes=())))
     assert "Open the door hall – study" in listed(server)
     assert not {"Close the door hall – study", "Take away box 3"} & listed(server).keys()
@@ -79,7 +79,7 @@ def test_a_door_a_box_and_the_light_are_found_by_what_is_done_with_them(
 def test_a_name_stands_before_those_that_only_begin_with_it_also_when_it_comes_later(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
-    palette = CommandPalette(server.gui, lambda action, value: None)
+    palette = CommandPalette(server.gui, lambda _: None)
     palette.show(replace(snapshot, recordings={"run10.rrd": "", "run12.rrd": ""}))
     palette.show(replace(snapshot, recordings={"run10.rrd": "", "run12.rrd": "", "run1.rrd": ""}))
     opening = [label for label in listed(server) if label.startswith("Open recording")]
@@ -87,13 +87,13 @@ def test_a_name_stands_before_those_that_only_begin_with_it_also_when_it_comes_l
 
 
 def test_what_makes_no_sense_now_is_grey_and_says_why(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    palette = CommandPalette(server.gui, lambda action, value: None)
+    palette = CommandPalette(server.gui, lambda _: None)
     for mode in Mode:
         palette.show(replace(snapshot, mode=mode))
         for label, handle in listed(server).items():
             if label == "Start recording":
-                assert handle.disabled == (mode not in WISHES[Action.RECORD].modes)
+                assert handle.disabled == (mode not in Action.RECORD.wish.modes)
             if label.startswith("Go to node"):
-                assert handle.disabled == (mode not in WISHES[Action.GOAL].modes)
+                assert handle.disabled == (mode not in Action.GOAL.wish.modes)
             if handle.disabled:
                 assert "Not possible now" in (handle.description or ""), label

@@ -10,7 +10,7 @@ OFFERED = (QuestionName.FIRST, QuestionName.EDGE, QuestionName.TIME, "<b>Mine</b
 
 
 def test_the_question_asked_is_pressed_and_the_rarer_ones_are_under_more(gui: viser.GuiApi) -> None:
-    panel = DebuggerPanel(gui, lambda _action, _value: None)
+    panel = DebuggerPanel(gui, lambda _: None)
     panel.show(Snapshot(inspection=Inspection(QuestionName.EDGE, offered=OFFERED)))
     row, _, more = panel._questions.content.partition("<details>")
     assert row.count('aria-pressed="true"') == 1

@@ -6,7 +6,8 @@ import viser
 
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, RecordingStatus, Snapshot
-from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.panels.panel_contents import controls, is_enabled
 
 

@@ -24,7 +24,8 @@ from ltvn_viz.session import snapshot as s
 from ltvn_viz.session.goals import LIMIT, ThumbnailStore, farthest_points
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot_builder import hint
-from ltvn_viz.wishes.commands import Action, Mode
+from ltvn_viz.wishes.commands import Action
+from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.plan_files import laid_room
 from tests.viz.panels.panel_contents import controls, is_enabled, nothing
 

@@ -7,7 +7,7 @@ import pytest
 from ltvn_viz.server.drive_messages import DriveMessage, MessageError, parse_message
 from ltvn_viz.server.keymap import Direction
 from ltvn_viz.wishes.commands import Action, Ask
-from ltvn_viz.wishes.wish_table import MAX_TEXT
+from ltvn_viz.wishes.wish import MAX_TEXT
 
 DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3, "age": 40}
 ACTION = {"type": "action", "action": "stop", "value": None}

@@ -21,8 +21,7 @@ from ltvn_viz.session import fine_tuning as tuning
 from ltvn_viz.session.fine_tuner import FineTuner, FineTuningRequest
 from ltvn_viz.session.snapshot import FineTuningPhase
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Action, Mode
-from ltvn_viz.wishes.wish_table import WISHES, Audience
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import InlineExecutor, SessionHarness, said
 from tests.viz.tiny_fine_tuning import PLAN, TUNER, TinyRehearsal, drive, record_drive, show_drive, tiny_weights
 from tests.waiting import PATIENCE_S
@@ -258,23 +257,12 @@ def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
     assert now.weights == "flat"
 
 
-@pytest.mark.parametrize("minutes", [0, 61])
-def test_a_time_without_sense_is_refused(folder: Path, minutes: int) -> None:
-    now = fine_tuning_harness(folder).do(c.Ask(c.Action.LEARN, minutes))
-    assert "1 to 60 minutes" in said(now)
-
-
 def test_names_of_weights_are_never_taken_twice(folder: Path) -> None:
     library, now = fine_tuning_harness(folder).library, datetime(2030, 1, 2)
     first = library.new_weights("drive.rrd", now)
     first.touch()
     assert library.new_weights("drive.rrd", now) != first
     assert first.name not in library.names()
-
-
-def test_learning_belongs_to_whoever_drives() -> None:
-    for action in (Action.LEARN, Action.STOP_LEARNING, Action.USE_WEIGHTS, Action.LEAVE_WEIGHTS):
-        assert WISHES[action].audience is Audience.DRIVER
 
 
 class Clock:

@@ -12,7 +12,7 @@ from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.plan_files import laid_room
 from tests.viz.session_harness import SessionHarness, said
 

@@ -16,7 +16,7 @@ from ltvn_core.types import Rgb
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.drives import EXCERPT
 from tests.viz.app_session import AppSession
 from tests.viz.session_harness import said

@@ -9,8 +9,7 @@ from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.navigation.events import Outcome, Severity
 from ltvn_core.types import ZERO_TWIST, Twist
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
-from ltvn_viz.wishes.wish_table import WISHES, Carried, refusal
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import SessionHarness, said
 
 FORWARD = Twist(0.4, 0.0)
@@ -138,7 +137,7 @@ def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
             c.OpenRecording("nothing.rrd"),
             c.Seek(1.0),
             c.ReportError("broken upload"),
-            *(c.Ask(action) for action, wish in WISHES.items() if wish.carries is Carried.NOTHING),
+            *(c.Ask(action) for action in c.Action if action.wish.takes is None),
         ]
         harness.driver.twist = FORWARD if rng.random() < 0.1 else None
         picked = rng.choice(len(made), size=3)
@@ -183,13 +182,13 @@ def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: Sessio
 @pytest.mark.parametrize("mode", Mode)
 def test_a_refusal_says_in_two_short_sentences_what_the_app_does_and_what_to_press(mode: Mode) -> None:
     asked = (c.Action.PAUSE, c.Action.BUILD, c.Action.CLOSE, c.Action.STEP)
-    texts = [text for action in asked if (text := refusal(c.Ask(action), mode))]
+    texts = [text for action in asked if (text := action.wish.refusal(mode))]
     assert texts
     for text in texts:
         assert text.count(". ") == 1
         assert len(text) < 160
         assert str(mode) not in text.split()[0]
-    assert "Cancel" in (refusal(c.Ask(c.Action.PAUSE), Mode.BUILDING) or "Cancel")
+    assert "Cancel" in (c.Action.PAUSE.wish.refusal(Mode.BUILDING) or "Cancel")
 
 
 def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarness) -> None:

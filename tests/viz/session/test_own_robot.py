@@ -20,7 +20,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.rosbag.bag_examples import straight_drive
 from tests.core.flat_world import FlatPredictor, FlatRobot, observation_at
 from tests.viz.session_harness import ONE_ROOM, InlineExecutor, SessionHarness, said

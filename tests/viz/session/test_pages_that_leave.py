@@ -10,7 +10,7 @@ from ltvn_viz.server.driver_seat import IDLE_S, Absence, DriverSeat, Loss
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
 from tests.viz.session_harness import SessionHarness, said
 

@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Localised
 from ltvn_core.types import Twist
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import SessionHarness, said
 
 

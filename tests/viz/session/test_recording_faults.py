@@ -14,7 +14,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.types import Twist
 from ltvn_viz.session.recorder import DaemonExecutor
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import FakeWriter, SessionHarness, said
 from tests.waiting import until
 

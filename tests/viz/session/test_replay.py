@@ -10,7 +10,7 @@ from ltvn_core.types import Twist
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import SessionHarness
 
 

@@ -20,7 +20,7 @@ from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.core.flat_world import tour
 from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP, GOLDEN_RECORDING

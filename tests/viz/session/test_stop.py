@@ -14,7 +14,7 @@ from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.types import Twist
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.app_session import AppSession
 from tests.viz.session_harness import InlineExecutor, SessionHarness
 from tests.viz.two_floors import add_lift, nearest, open_two_rooms

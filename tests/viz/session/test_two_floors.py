@@ -12,7 +12,7 @@ from ltvn_core.navigation.events import ActionEnded, Outcome
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import SessionHarness
 from tests.viz.two_floors import LIFT, add_lift, is_in_first_room, lift_ends, nearest, open_two_rooms
 

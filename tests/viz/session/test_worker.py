@@ -12,7 +12,7 @@ from ltvn_core.types import ZERO_TWIST, Pose, Twist
 from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.session_harness import InlineExecutor, SessionHarness, said
 from tests.waiting import PATIENCE_S
 

@@ -23,8 +23,9 @@ from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.snapshot import WorldView
 from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.modes import Mode
 from tests.viz.app_session import AppSession
-from tests.viz.session_harness import SessionHarness, said
+from tests.viz.session_harness import said
 from tests.waiting import until
 
 pytest.importorskip("embreex")
@@ -142,12 +143,6 @@ def test_a_recording_that_begins_later_tells_what_the_world_is_like(apartment: A
     assert changes[-2:] == [DoorMoved(door, is_open=False), DoorMoved(door, is_open=True)]
 
 
-def test_a_robot_in_a_real_world_has_nothing_to_change(harness: SessionHarness) -> None:
-    shown = harness.do(c.Ask(c.Action.DOOR, 0))
-    assert shown.world is None
-    assert "Only a simulated world" in said(shown)
-
-
 def test_in_another_map_the_story_names_the_command_that_opens_its_own_and_changes_nothing(
     apartment: ApartmentSession,
 ) -> None:
@@ -200,7 +195,7 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     message = apartment.now.message
     assert (message is not None and "stays" in message.text) == bool(away_m)
     apartment.do(c.Ask(c.Action.CANCEL))
-    until(lambda: apartment.session.mode is c.Mode.TELEOP, meanwhile=apartment.session.tick)
+    until(lambda: apartment.session.mode is Mode.TELEOP, meanwhile=apartment.session.tick)
     apartment.do(c.EditMap(tuple(NodeDropped(node, Cause.HAND) for node in nodes)))
 
 

@@ -22,7 +22,7 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import Activity, AppState
-from ltvn_viz.session.command_handlers import handle
+from ltvn_viz.session.command_handlers import function_of, handle
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.share_links import commands_from_link
@@ -85,6 +85,8 @@ class Session:
         self._wakes = SimpleQueue[None]()
         self._is_stopping = False
         self._unseen_until = float("-inf")
+        for action in c.Action:
+            function_of(action)  # A wrong name shows here, and no click loads a module.
 
     @property
     def listener(self) -> DriveListener:

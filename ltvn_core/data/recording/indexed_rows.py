@@ -1,4 +1,4 @@
-"""Reads the rows of a recording with an index, one message at a time, and only when they are asked for.
+"""Reads the messages of a checked file one at a time, and with an index only when their rows are asked for.
 
 Owns the file that stays open for this. Each message is compared with
 its checksum, because the file may have changed since it was opened, and with what the index promises of it.
@@ -8,7 +8,7 @@ import os
 import threading
 import weakref
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 from typing import overload
@@ -17,8 +17,18 @@ import numpy as np
 import pyarrow as pa
 
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
-from ltvn_core.data.recording.rrf2.layout import HEADER_BYTES, MESSAGE_HEADER, MessageSum, read_chunk, recording_id
+from ltvn_core.data.recording.rrf2.layout import (
+    CHUNK_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    STORE_KIND,
+    UNREADABLE,
+    ChunkMessage,
+    MessageSum,
+    described_store,
+    read_chunk,
+    recording_id,
+)
 from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
 
@@ -31,11 +41,12 @@ _IN_MEMORY_BYTES = 2**26
 class IndexedBatches(Sequence[pa.RecordBatch]):
     """The batches of one entity, each read when it is asked for."""
 
-    def __init__(self, messages: "_Messages", entity: str, chunks: IndexedChunks) -> None:
+    def __init__(self, messages: "FileMessages", recording_id: str, entity: str, chunks: IndexedChunks) -> None:
         """Take the file's messages, and the chunks of the entity."""
-        self._entity = entity
+        self._messages = messages
+        self._promised = recording_id, entity
         self._numbers = list(zip(chunks.messages.tolist(), chunks.rows.tolist(), strict=True))
-        self._read = lru_cache(_KEPT)(messages.batch)
+        self._read = lru_cache(_KEPT)(self._batch)
 
     def __len__(self) -> int:
         """Return the number of batches."""
@@ -48,22 +59,40 @@ class IndexedBatches(Sequence[pa.RecordBatch]):
     def __getitem__(self, place: int | slice) -> pa.RecordBatch | Sequence[pa.RecordBatch]:
         """Read a batch, or several. Raises RecordingError if the file has changed."""
         if isinstance(place, slice):
-            return [self._read(self._entity, *number) for number in self._numbers[place]]
-        return self._read(self._entity, *self._numbers[place])
+            return [self._read(*number) for number in self._numbers[place]]
+        return self._read(*self._numbers[place])
+
+    def _batch(self, number: int, rows: int) -> pa.RecordBatch:
+        """Decode the message of this number, which has so many rows. Raises RecordingError."""
+        try:
+            store, entity, batch = self._messages.chunk(number)
+            found = recording_id(store), entity
+            if (*found, batch.num_rows) != (*self._promised, rows):
+                raise ValueError(f"it has {batch.num_rows} rows of {entity} in recording {found[0]}")
+            if not schema.has_expected_columns(entity, batch):
+                raise ValueError(f"a column of {entity} is missing or has another type")
+            return batch
+        except UNREADABLE as error:
+            path = self._messages.path
+            raise RecordingError(
+                f"{path} changed after it was opened, or has a wrong index: message {number} cannot be read "
+                f"({error}). Open it again, or run `ltvn repair {path} --output NEW.rrd`."
+            ) from error
 
 
-def indexed_batches(path: Path, record: ClosingRecord, index: RowIndex) -> Mapping[str, IndexedBatches]:
-    """Return the batches of a checked file, by entity path. Raises OSError if it cannot be opened."""
-    messages = _Messages(path, record.messages, index.recording_id)
-    return {entity: IndexedBatches(messages, entity, chunks) for entity, chunks in index.chunks.items()}
+def indexed_batches(messages: "FileMessages", index: RowIndex) -> Mapping[str, IndexedBatches]:
+    """Return the batches of a checked file, by entity path."""
+    return {
+        entity: IndexedBatches(messages, index.recording_id, entity, chunks) for entity, chunks in index.chunks.items()
+    }
 
 
-class _Messages:
+class FileMessages:
     """The messages of a file, which stays open if it is large."""
 
-    def __init__(self, path: Path, sums: Sequence[MessageSum], recording_id: str) -> None:
-        self._path = path
-        self._recording_id = recording_id
+    def __init__(self, path: Path, sums: Sequence[MessageSum]) -> None:
+        """Open a file with these messages. Raises OSError if that is impossible."""
+        self.path = path
         self._sums = sums
         self._places = HEADER_BYTES + np.cumsum([0, *(each.size for each in sums)])
         self._bytes = path.read_bytes() if path.stat().st_size <= _IN_MEMORY_BYTES else None
@@ -72,23 +101,19 @@ class _Messages:
             self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
             weakref.finalize(self, os.close, self._file)
 
-    def batch(self, entity: str, number: int, rows: int) -> pa.RecordBatch:
-        """Decode the message of this number, which has so many rows of the entity. Raises RecordingError."""
-        try:
-            store, path, batch = read_chunk(self._checked(number)[MESSAGE_HEADER.size :])
-            found = recording_id(store), path, batch.num_rows
-            if found != (self._recording_id, entity, rows):
-                raise ValueError(f"it has {found[2]} rows of {found[1]} in recording {found[0]}")
-            if not schema.has_expected_columns(entity, batch):
-                raise ValueError(f"a column of {entity} is missing or has another type")
-            return batch
-        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
-            raise RecordingError(
-                f"{self._path} changed after it was opened, or has a wrong index: message {number} cannot be read "
-                f"({error}). Open it again, or run `ltvn repair {self._path} --output NEW.rrd`."
-            ) from error
+    def stores(self) -> Set[bytes]:
+        """Return the keys of the stores that the file describes. Raises one of `UNREADABLE`."""
+        return {described_store(self._payload(k)) for k, each in enumerate(self._sums) if each.kind == STORE_KIND}
 
-    def _checked(self, number: int) -> bytes:
+    def chunks(self) -> Iterator[ChunkMessage]:
+        """Yield all messages with rows. Raises one of `UNREADABLE`."""
+        return (self.chunk(number) for number, each in enumerate(self._sums) if each.kind == CHUNK_KIND)
+
+    def chunk(self, number: int) -> ChunkMessage:
+        """Decode the message of this number. Raises one of `UNREADABLE`."""
+        return read_chunk(self._payload(number))
+
+    def _payload(self, number: int) -> bytes:
         known = self._sums[number]
         place = int(self._places[number])
         if self._bytes is not None:
@@ -99,4 +124,4 @@ class _Messages:
                 data = os.read(self._file, known.size)
         if zlib.crc32(data) != known.crc32:
             raise ValueError("its checksum differs")
-        return data
+        return data[MESSAGE_HEADER.size :]

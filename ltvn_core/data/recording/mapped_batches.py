@@ -1,4 +1,4 @@
-"""Joins the many small batches of a long recording, and moves them to a memory-mapped temporary file.
+"""Gathers the batches of a recording; joins the many small ones, and moves them to a memory-mapped temporary file.
 
 A recording has four batches per second for each entity, and each costs ten kilobytes of memory. The images of eight
 hours take gigabytes, but most are never read. Owns that file.
@@ -12,12 +12,17 @@ from collections.abc import Iterator, Sequence
 
 import pyarrow as pa
 
+from ltvn_core.data.recording import schema
+
 PART_BYTES = 2**26
 """Size in bytes of the parts in which batches are moved; a smaller recording stays in memory."""
 
+_LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
+"""Entities with so many rows that they are moved."""
+
 
 class MappedBatches:
-    """Collects the batches of several entities."""
+    """Collects the batches that are read back, of several entities."""
 
     def __init__(self) -> None:
         """Start without any batch."""
@@ -26,7 +31,11 @@ class MappedBatches:
         self._part_bytes = 0
 
     def append(self, entity: str, batch: pa.RecordBatch) -> None:
-        """Append a batch to the batches of its entity."""
+        """Append a batch to the batches of its entity, unless the entity is only drawn."""
+        if entity not in _LONG:
+            if schema.is_read_back(entity):
+                self._rows[entity].append(batch)
+            return
         self._part[entity].append(batch.replace_schema_metadata(None))  # The metadata refer to a single chunk only.
         self._part_bytes += batch.get_total_buffer_size()  # Ten times as fast as `nbytes`.
         if self._part_bytes >= PART_BYTES:

@@ -1,39 +1,34 @@
 """Opens a `.rrd` file as a recording of this program, and returns its rows by entity.
 
 Owns the checks that the file is a finished recording of this application and schema, with a clear error otherwise.
-Rerun's reader opens a file only if its checksums are correct, or if a separate process has read it before. Rerun's
-tools may split the columns of a row into several chunks; such rows are joined again by their row ids, because several
-events may have the same step, or where `rerun rrd split` gave each column of a copied row an id of its own, by the
-place on the timeline. Independent of frames and events.
+Rerun's tools may split the columns of a row into several chunks; such rows are joined again by their row ids, because
+several events may have the same step, or where `rerun rrd split` gave each column of a copied row an id of its own, by
+the place on the timeline. Independent of frames and events.
 """
 
-import warnings
 from collections import defaultdict
 from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.data.recording import schema
-from ltvn_core.data.recording.indexed_rows import indexed_batches
+from ltvn_core.data.recording.indexed_rows import FileMessages, indexed_batches
 from ltvn_core.data.recording.mapped_batches import MappedBatches
 from ltvn_core.data.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
-from ltvn_core.data.recording.reading_trial import reading_failure
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
 from ltvn_core.data.recording.rrf2.file_check import FileCheck, check_file
-from ltvn_core.data.recording.rrf2.layout import FILE_MAGIC
+from ltvn_core.data.recording.rrf2.layout import FILE_MAGIC, RECORDING_STORE, UNREADABLE, recording_id
 from ltvn_core.data.recording.rrf2.row_index import RowIndex
 from ltvn_core.errors import RecordingError
 
+_Store = TypeVar("_Store")
 ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
-LONG_ENTITIES = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
-"""Entities with so many rows that they are kept on disk while they are read."""
 
 
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str], key: str = ROW_ID) -> Sequence[pa.RecordBatch]:
@@ -85,8 +80,6 @@ class StoreRows(NamedTuple):
     recording_id: str
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Batches by entity path (with a leading slash) in the order of the file, each row with all of its columns."""
-    other_ids: Sequence[str] = ()
-    """Ids of further recordings in the same file, whose rows are not included."""
     without_steps: Set[str] = frozenset()
     """Entities that have exact columns, but not the timeline that orders them."""
 
@@ -117,7 +110,7 @@ class RrdContents(NamedTuple):
     def user_rows(self) -> Iterator[pa.RecordBatch]:
         """Yield the rows that a user logged in addition to the recorder's."""
         for entity, batches in self.rows.items():
-            if not entity.startswith("/__properties") and not schema.is_own_entity(entity):
+            if schema.is_of_user(entity):
                 yield from batches
 
 
@@ -172,13 +165,14 @@ def open_contents(path: Path, *, whole: bool = False) -> RrdContents:
     Raises RecordingError for anything else, with advice on what to do.
     """
     found = require_whole(path)
-    if found.record is not None and found.row_index is not None and not whole:
-        return _indexed_contents(path, found.record, found.row_index)
-    if found.record is None and (failure := reading_failure(path)) is not None:
-        raise _damaged_inside(path, failure)
-    store = joined_store(path, _read_batches(path))
-    if store.other_ids:
-        raise several_recordings(path, [store.recording_id, *store.other_ids])
+    try:
+        messages = FileMessages(path, found.messages)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if (index := found.row_index) is not None and not whole:
+        rows = indexed_batches(messages, index)
+        return RrdContents(read_description(path, StoreRows(index.recording_id, rows)), rows, found.record, index)
+    store = joined_store(path, _read_rows(messages))
     # First, because a newer schema may have other columns.
     meta = read_description(path, store)
     for entity, batches in store.rows.items():
@@ -198,21 +192,28 @@ def require_steps(path: Path, without_steps: Set[str]) -> None:
         )
 
 
-def _indexed_contents(path: Path, record: ClosingRecord, index: RowIndex) -> RrdContents:
-    try:
-        rows = indexed_batches(path, record, index)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    meta = read_description(path, StoreRows(index.recording_id, rows))
-    return RrdContents(meta, rows, record, index)
-
-
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
     """Return the message about a file with several recordings, as `rerun rrd merge` writes it."""
     return RecordingError(
         f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Extract one with `ltvn repair {path} "
         f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
     )
+
+
+def own_recordings(path: Path, stores: Mapping[bytes, _Store]) -> Mapping[str, _Store]:
+    """Return the stores of this program's recordings by their ids. Raises RecordingError if all are another's."""
+    found = {key: store for key, store in stores.items() if key.startswith(RECORDING_STORE)}
+    ours = {key: store for key, store in found.items() if key.endswith(schema.APPLICATION_ID.encode())}
+    if found and not ours:
+        raise RecordingError(f"{path} was written by another program; name a file written by ltvn.")
+    return {name: store for key, store in ours.items() if (name := _id_of(key))}
+
+
+def _id_of(store: bytes) -> str:
+    try:
+        return recording_id(store)
+    except (ValueError, LookupError):
+        return ""  # Damaged.
 
 
 def joined_store(path: Path, store: StoreRows) -> StoreRows:
@@ -227,34 +228,25 @@ def joined_store(path: Path, store: StoreRows) -> StoreRows:
     return store._replace(rows=joined, without_steps=without_steps)
 
 
-def _read_batches(path: Path) -> StoreRows:
-    """Read all batches of a file that is known not to crash Rerun's reader. Raises RecordingError."""
+def _read_rows(messages: FileMessages) -> StoreRows:
+    """Read all rows of the only recording in a file. Raises RecordingError."""
+    path = messages.path
+    stores: dict[bytes, MappedBatches] = defaultdict(MappedBatches)
     try:
-        with warnings.catch_warnings():
-            # Unfinished, older and very long files have no table of chunks.
-            warnings.filterwarnings("ignore", message="RRD file has no footer")
-            reader = RrdReader(path)
-        stores = reader.recordings()
-        # From here on, every message is read, so damage in a message can raise any exception.
-        chunks = reader.stream(store=stores[0]) if stores else ()
-        rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
-        long = MappedBatches()
-        for chunk in chunks:
-            if chunk.entity_path in LONG_ENTITIES:
-                long.append(chunk.entity_path, chunk.to_record_batch())
-            elif schema.is_read_back(chunk.entity_path):
-                rows[chunk.entity_path].append(chunk.to_record_batch())
-        rows.update(long.take())
-    except Exception as error:
+        described = messages.stores()
+        for chunk in messages.chunks():
+            if chunk.store not in described:
+                raise ValueError(f"rows of {chunk.entity} belong to no recording")
+            stores[chunk.store].append(chunk.entity, chunk.batch)
+    except UNREADABLE as error:
         raise _damaged_inside(path, str(error)) from error
-    if not stores:
+    recordings = own_recordings(path, stores)
+    if not recordings:
         raise RecordingError(f"{path} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
-    if stores[0].application_id != schema.APPLICATION_ID:
-        raise RecordingError(
-            f"{path} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
-        )
-    others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
-    return StoreRows(stores[0].recording_id, rows, others)
+    if len(recordings) > 1:
+        raise several_recordings(path, [*recordings])
+    ((name, rows),) = recordings.items()
+    return StoreRows(name, rows.take())
 
 
 def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:

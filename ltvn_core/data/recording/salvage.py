@@ -1,8 +1,7 @@
 """Opens what is left of a damaged or unfinished recording, message by message.
 
 A message that cannot be read costs its rows; reading goes on where the next message begins. A message that differs from
-the closing record gives only the rows that agree with a checksum of their own. Nothing damaged reaches Rerun's reader,
-which some damage crashes.
+the closing record gives only the rows that agree with a checksum of their own.
 """
 
 import re
@@ -21,10 +20,10 @@ from ltvn_core.data.recording.metadata import RecordingMetadata, package_version
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import (
     DESCRIPTION,
-    LONG_ENTITIES,
     RrdContents,
     StoreRows,
     joined_store,
+    own_recordings,
     read_description,
     require_steps,
     several_recordings,
@@ -37,13 +36,12 @@ from ltvn_core.data.recording.rrf2.layout import (
     FILE_MAGIC,
     HEADER_BYTES,
     MESSAGE_HEADER,
-    RECORDING_STORE,
     TAIL_BYTES,
+    UNREADABLE,
     ChunkMessage,
     MessageSum,
     Tail,
     read_chunk,
-    recording_id,
 )
 from ltvn_core.data.recording.stored_rows import believable, damaged_first
 from ltvn_core.errors import RecordingError
@@ -75,19 +73,11 @@ class Salvage(NamedTuple):
 class _Store:
     """What was read of one store."""
 
-    long: MappedBatches = field(default_factory=MappedBatches)
-    rows: dict[str, list[pa.RecordBatch]] = field(default_factory=lambda: defaultdict(list))
+    rows: MappedBatches = field(default_factory=MappedBatches)
     places: list[tuple[int, int]] = field(default_factory=list)
     """Position and length of its messages."""
     is_recorded: bool = False
     """Whether the closing record lists any of its messages."""
-
-    def add(self, entity: str, batches: Sequence[pa.RecordBatch]) -> None:
-        for batch in batches:
-            if entity in LONG_ENTITIES:
-                self.long.append(entity, batch)
-            elif schema.is_read_back(entity):
-                self.rows[entity].append(batch)
 
 
 def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
@@ -105,13 +95,10 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     # A single message may have got its name by damage.
     sure = {key: store for key, store in stores.items() if len(store.places) > 1} or dict(stores)
     lost += [place for key, store in stores.items() if key not in sure for place in store.places]
-    recordings = {
-        id_: store for key, store in sure.items() if key.startswith(RECORDING_STORE) and (id_ := _id_of(key, path))
-    }
+    recordings = own_recordings(path, sure)
     chosen = _chosen(path, recordings, recording_id)
     store = recordings[chosen]
-    found = store.long.take() | store.rows
-    found = {entity: damaged_first(entity, each) for entity, each in found.items()}
+    found = {entity: damaged_first(entity, each) for entity, each in store.rows.take().items()}
     rows = joined_store(path, StoreRows(chosen, found))
     rows = rows._replace(rows={entity: damaged_first(entity, each) for entity, each in rows.rows.items()})
     contents, described = _contents(path, rows, record if store.is_recorded else None)
@@ -138,8 +125,8 @@ def _read_messages(data: bytes, record: ClosingRecord | None, stores: dict[bytes
             store = stores[chunk.store]
             store.places.append((begin, end - begin))
             store.is_recorded |= known is not None and is_sure
-            rows = [chunk.batch] if is_sure else believable(chunk.entity, [chunk.batch])
-            store.add(chunk.entity, rows)
+            for rows in [chunk.batch] if is_sure else believable(chunk.entity, [chunk.batch]):
+                store.rows.append(chunk.entity, rows)
         if chunk is None or not is_sure:
             start = lost.pop()[0] if lost and sum(lost[-1]) == begin else begin
             lost.append((start, end - start))
@@ -161,7 +148,7 @@ def _messages(data: bytes) -> Iterator[tuple[int, int, ChunkMessage | None]]:
         payload = data[place + MESSAGE_HEADER.size : end] if _fits(data, place) else b""
         try:
             chunk = read_chunk(payload)
-        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException):
+        except UNREADABLE:
             chunk = None
         if chunk is None and not (kind != CHUNK_KIND and _fits(data, place) and _is_protobuf(payload)):
             if not (_fits(data, place) and (_fits(data, end) or _extent(data, end)[0] == END_KIND)):
@@ -202,16 +189,6 @@ def _has_table(data: bytes) -> bool:
     """Tell whether a file ends with a table of its chunks, like every file that Rerun has finished."""
     tail = Tail.read(data[-TAIL_BYTES:])
     return tail is not None and tail.footer_bytes > 0
-
-
-def _id_of(store: bytes, path: Path) -> str:
-    try:
-        name = recording_id(store)
-    except (ValueError, LookupError):
-        return ""
-    if not store.endswith(schema.APPLICATION_ID.encode()):
-        raise RecordingError(f"{path} was written by another program; name a file written by ltvn.")
-    return name
 
 
 def _chosen(path: Path, recordings: Mapping[str, _Store], recording_id: str | None) -> str:

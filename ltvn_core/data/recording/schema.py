@@ -120,7 +120,12 @@ _READ = frozenset(f"/{entity}" for entity in READ_BACK)
 
 def is_read_back(path: str) -> bool:
     """Tell whether an entity, with a leading slash, is read back; most entities are only drawn."""
-    return path in _READ or path.startswith("/__properties") or not is_own_entity(path)
+    return path in _READ or path.startswith("/__properties") or is_of_user(path)
+
+
+def is_of_user(path: str) -> bool:
+    """Tell whether an entity, with a leading slash, is one that a user logged in addition to the recorder's."""
+    return not path.startswith("/__properties") and not is_own_entity(path)
 
 
 FRAME_ROW = "ltvn.Frame"

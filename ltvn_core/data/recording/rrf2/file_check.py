@@ -1,4 +1,4 @@
-"""Checks the bytes of a file against its closing record, before Rerun's reader opens the file.
+"""Checks the bytes of a file against its closing record, before anything in it is read.
 
 Reads the file message by message, in plain Python. Does not interpret messages.
 """
@@ -32,6 +32,8 @@ class FileCheck(NamedTuple):
     damage: str | None = None
     """What changed since the file was finished, as a clause; None for an unfinished file, and if its checksums are
     correct."""
+    messages: Sequence[MessageSum] = ()
+    """The messages before the end message; none for an unfinished file."""
     record: ClosingRecord | None = None
     """Closing record; None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
     row_index: RowIndex | None = None
@@ -55,7 +57,8 @@ def check_file(path: Path) -> FileCheck:
         damage = None if tail is None else f"no valid message follows byte {whole_bytes} of {size}"
         return FileCheck(whole_bytes, finished=False, damage=damage)
     record = read_closing_record(end)
-    return FileCheck(whole_bytes, finished=True, damage=_damage(header_crc32, messages, end, record), record=record)
+    damage = _damage(header_crc32, messages, end, record)
+    return FileCheck(whole_bytes, finished=True, damage=damage, messages=messages, record=record)
 
 
 def _check_at_once(file: BinaryIO, tail: Tail, size: int) -> FileCheck | None:
@@ -69,7 +72,7 @@ def _check_at_once(file: BinaryIO, tail: Tail, size: int) -> FileCheck | None:
     file.seek(0)
     if _checksum(file, position) != index.body_crc32:
         return None
-    return FileCheck(position, finished=True, record=record, row_index=index)
+    return FileCheck(position, finished=True, messages=record.messages, record=record, row_index=index)
 
 
 def _damage(

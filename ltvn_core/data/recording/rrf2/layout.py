@@ -5,12 +5,14 @@ table in a protobuf message; the end message begins with Rerun's footer, one tab
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple, Self
 
 import pyarrow as pa
 import xxhash
+from rerun.chunk import Chunk
 
+from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.rrf2.arrow_tables import read_table, unpacked_lz4
 from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 
@@ -29,8 +31,10 @@ TAIL_BYTES = _TAIL.size
 _FOOTER_SEED = 7850921
 """Rerun's seed for the checksum of its footer."""
 _ENTITY = b"rerun:entity_path"
-# Numbers of protobuf fields: of a message with rows, of a store, of the footer, of a manifest, and of its rows.
+# Numbers of protobuf fields: of a message with rows, of the description of a store and its key, of the footer, of a
+# manifest, and of its rows.
 _CHUNK_STORE, _CHUNK_COMPRESSION, _CHUNK_SIZE, _CHUNK_TABLE = 1, 2, 3, 5
+_STORE_INFO, _STORE_KEY = 2, 2
 _RECORDING_ID = 2
 _MANIFESTS = 1
 _STORE, _SCHEMA, _SCHEMA_SHA256, _ROWS = 1, 2, 3, 4
@@ -102,17 +106,34 @@ class ChunkMessage(NamedTuple):
     batch: pa.RecordBatch
 
 
-def read_chunk(payload: bytes) -> ChunkMessage:
-    """Decode a message without its header; nothing in it is trusted.
+UNREADABLE = (OSError, ValueError, LookupError, TypeError, pa.ArrowException)
+"""What `read_chunk` raises."""
 
-    Raises OSError, ValueError, LookupError, TypeError or ArrowException if it holds no chunk.
-    """
+
+def read_chunk(payload: bytes) -> ChunkMessage:
+    """Decode a message without its header; nothing in it is trusted. Raises one of `UNREADABLE` if it is no chunk."""
     fields = {each.number: each.value for each in read_fields(payload)}
     store, table, size = fields[_CHUNK_STORE], fields[_CHUNK_TABLE], fields.get(_CHUNK_SIZE, 0)
     batch = _read_batch(table, size, is_packed=fields.get(_CHUNK_COMPRESSION) == _LZ4)
     if not isinstance(store, bytes):
         raise TypeError("its layout is unknown")
-    return ChunkMessage(store, (batch.schema.metadata or {}).get(_ENTITY, b"").decode(), batch)
+    entity = (batch.schema.metadata or {})[_ENTITY].decode()
+    if store.startswith(RECORDING_STORE) and schema.is_of_user(entity):
+        _require_texts(batch.schema)
+        Chunk.from_record_batch(batch)
+    return ChunkMessage(store, entity, batch)
+
+
+def _require_texts(fields: Iterable[pa.Field]) -> None:
+    """Raise ValueError if a name or a note is no text: Rerun, which gets a user's rows back, ends the process on it."""
+    for field in fields:
+        _ = field.name, [(key.decode(), value.decode()) for key, value in (field.metadata or {}).items()]
+        _require_texts(field.type.field(number) for number in range(field.type.num_fields))
+
+
+def described_store(payload: bytes) -> bytes:
+    """Return the key of the store that a message describes. Raises ValueError or LookupError if it has none."""
+    return bytes_fields(bytes_fields(payload)[_STORE_INFO])[_STORE_KEY]
 
 
 def recording_id(store: bytes) -> str:

@@ -4,7 +4,7 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -12,11 +12,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ltvn_core.data.recording import rrd_contents, schema
+from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrf2.file_check import walk_messages
-from ltvn_core.data.recording.rrf2.layout import HEADER_BYTES, MESSAGE_HEADER
+from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND, HEADER_BYTES, MESSAGE_HEADER, read_chunk
 from ltvn_core.errors import LtvnError
 from tests.repository import ROOT
 
@@ -134,8 +134,7 @@ class Recoverable:
         """Read a recording that is whole."""
         self.data = path.read_bytes()
         self._messages = list(_messages(path, self.data))
-        with TemporaryDirectory() as folder:
-            self._held = list(_frames_of_messages(Path(folder), self.data, self._messages))
+        self._held = [_frames_of(message) for message in self._messages]
         self.sums = _checksums(path)
         self.events = Recording.open(path).events
         self.has_message_sums = verify(path).checksummed
@@ -155,19 +154,13 @@ def _messages(path: Path, data: bytes) -> Iterator[bytes]:
             position += message.size
 
 
-def _frames_of_messages(folder: Path, data: bytes, messages: Sequence[bytes]) -> Iterator[set[int]]:
-    """Yield which frames each message holds a part of."""
-    # What Rerun wrote may begin with the layout of the viewer.
-    stores = [each for each in messages if MESSAGE_HEADER.unpack_from(each)[0] == 1]
-    beginning = data[:HEADER_BYTES] + b"".join(stores)
-    alone = folder / "alone.rrd"
-    for message in messages:
-        alone.write_bytes(beginning + message)
-        # Not yet joined, since Rerun's tools put the columns of a row into several messages.
-        rows = rrd_contents._read_batches(alone).rows
-        batches = [batch for entity in (schema.RGB, schema.DEPTH) for batch in rows.get(f"/{entity}", ())]
-        timed = [batch for batch in batches if schema.STEP in batch.schema.names]
-        yield {step for batch in timed for step in batch.column(schema.STEP).to_pylist()}
+def _frames_of(message: bytes) -> set[int]:
+    """Return which frames a message holds a part of."""
+    if MESSAGE_HEADER.unpack_from(message)[0] != CHUNK_KIND:
+        return set()
+    _, entity, batch = read_chunk(message[MESSAGE_HEADER.size :])
+    is_image = entity in (f"/{schema.RGB}", f"/{schema.DEPTH}") and schema.STEP in batch.schema.names
+    return set(batch.column(schema.STEP).to_pylist()) if is_image else set()
 
 
 def _checksums(path: Path) -> dict[int, tuple[int, int]]:

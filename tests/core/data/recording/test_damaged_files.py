@@ -131,14 +131,24 @@ def test_when_no_frame_and_no_event_is_left_nothing_is_written(whole: Path, dama
     assert not repaired.exists()
 
 
-def test_only_the_guarded_way_leads_to_reruns_reader() -> None:
-    readers = [
-        path.name for path in (ROOT / "ltvn_core").rglob("*.py") if "RrdReader" in path.read_text(encoding="utf-8")
-    ]
-    readers += [
-        path.name for path in (ROOT / "ltvn_viz").rglob("*.py") if "RrdReader" in path.read_text(encoding="utf-8")
-    ]
-    assert sorted(readers) == ["reading_trial.py", "rrd_contents.py"]
+def test_reruns_reader_gets_no_file_whose_damage_could_end_it() -> None:
+    modules = [path for package in ("ltvn_core", "ltvn_viz") for path in (ROOT / package).rglob("*.py")]
+    assert not [path.name for path in modules if "RrdReader" in path.read_text(encoding="utf-8")]
+
+
+def test_rows_of_a_user_that_rerun_would_not_take_back_are_left_out(tmp_path: Path, damaged: Path) -> None:
+    with RecordingWriter(tmp_path / "drive.rrd") as writer:
+        writer.write_frame(example_recording.observation(0))
+        writer.log("my/score", 0.7)
+    data = (tmp_path / "drive.rrd").read_bytes()
+    spans = list(messages(data))
+    begin, end = next(span for span in spans if b"my/score" in data[slice(*span)])
+    for written, changed in ((b"entity_path", b"antity_path"), (b"Scalars:", b"\xffcalars:"), (b"@inde", b"@onde")):
+        row = data[begin:end].replace(written, changed, 1)
+        damaged.write_bytes(data[:begin] + row + data[end : spans[-1][1]])  # Without checksums, which are at the end.
+        repaired = tmp_path / f"{written.hex()}.rrd"
+        assert any("damaged bytes" in line for line in repair(damaged, repaired).left_out)
+        assert (Recording.open(repaired).frames, [*Recording.open(repaired).user_rows()]) == ((0,), [])
 
 
 @pytest.mark.parametrize("inserted", [b"", bytes(700)], ids=["a hole", "a hole and bytes put in"])

@@ -76,6 +76,8 @@ def bytes_fields(message: bytes) -> dict[int, bytes]:
 
 def _read_varint(message: bytes, place: int) -> tuple[int, int]:
     """Return a number and the position after it."""
+    if place < len(message) and message[place] < 0x80:  # Most are small.
+        return message[place], place + 1
     number = shift = 0
     while place < len(message):
         byte = message[place]

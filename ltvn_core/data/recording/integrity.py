@@ -17,6 +17,7 @@ from ltvn_core.data.recording.rrd_contents import open_contents, require_file
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
 from ltvn_core.data.recording.salvage import Salvage, open_salvage
 from ltvn_core.errors import MapError, RecordingError
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
@@ -159,6 +160,7 @@ class RepairedRecording:
     """Descriptions of the data missing in the output."""
 
 
+@garbage_collection_paused()
 def verify(path: Path | str) -> VerifiedRecording:
     """Check that a recording is finished and was written by this program, and that every frame and event is unchanged.
 

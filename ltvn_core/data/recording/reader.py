@@ -109,11 +109,11 @@ class _StepRows:
 
     def row(self, step: FrameId) -> BatchRow | None:
         """Return the row of a step; None if it has none. Raises RecordingError if the index names another's."""
-        place = int(np.searchsorted(self.steps, step))
+        place = int(self.steps.searchsorted(step))
         if place == len(self.steps) or self.steps[place] != step:
             return None
         number = int(self.numbers[place])
-        batch = int(np.searchsorted(self.starts, number, "right")) - 1
+        batch = int(self.starts.searchsorted(number, "right")) - 1
         row = BatchRow(self.batches[batch], number - int(self.starts[batch]))
         if row.step != step:
             raise _wrong_index(f"at the place of frame {step} is frame {row.step}")
@@ -189,7 +189,7 @@ class Recording:
     def _require_indexed_pose(self, own: EncodedFrame) -> None:
         """Raise RecordingError if the index has another pose of a frame."""
         poses = self.poses
-        row = int(np.searchsorted(poses.steps, own.step))
+        row = int(poses.steps.searchsorted(own.step))
         known = (poses.stamps[row], *poses.odometry[row], *(() if poses.exact is None else poses.exact[row]))
         exact = () if poses.exact is None or own.exact_pose is None else own.exact_pose
         if known != (own.stamp, *own.odometry, *exact):

@@ -192,28 +192,26 @@ def require_steps(path: Path, without_steps: Set[str]) -> None:
         )
 
 
-def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
-    """Return the message about a file with several recordings, as `rerun rrd merge` writes it."""
-    return RecordingError(
-        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Extract one with `ltvn repair {path} "
-        f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
-    )
-
-
-def own_recordings(path: Path, stores: Mapping[bytes, _Store]) -> Mapping[str, _Store]:
-    """Return the stores of this program's recordings by their ids. Raises RecordingError if all are another's."""
+def the_recording(path: Path, stores: Mapping[bytes, _Store], wanted: str | None = None) -> tuple[str, _Store]:
+    """Return id and store of this program's only recording in a file, or of the `wanted` one. Raises RecordingError."""
     found = {key: store for key, store in stores.items() if key.startswith(RECORDING_STORE)}
-    ours = {key: store for key, store in found.items() if key.endswith(schema.APPLICATION_ID.encode())}
-    if found and not ours:
+    ours = {recording_id(key): found[key] for key in found if key.endswith(schema.APPLICATION_ID.encode())}
+    if not found:
+        raise RecordingError(
+            f"{path} has no undamaged message of a recording (a blueprint only?); nothing can be recovered. Name a "
+            ".rrd file written by ltvn."
+        )
+    if not ours:
         raise RecordingError(f"{path} was written by another program; name a file written by ltvn.")
-    return {name: store for key, store in ours.items() if (name := _id_of(key))}
-
-
-def _id_of(store: bytes) -> str:
-    try:
-        return recording_id(store)
-    except (ValueError, LookupError):
-        return ""  # Damaged.
+    if wanted is not None and wanted not in ours:
+        raise RecordingError(f"{path} holds no recording {wanted!r}, but {' and '.join(ours)}.")
+    if wanted is None and len(ours) > 1:  # As `rerun rrd merge` writes it.
+        raise RecordingError(
+            f"{path} holds {len(ours)} recordings: {' and '.join(ours)}. Extract one with `ltvn repair {path} "
+            f"--recording-id {next(iter(ours))} --output NEW.rrd`, and open that."
+        )
+    chosen = wanted or next(iter(ours))
+    return chosen, ours[chosen]
 
 
 def joined_store(path: Path, store: StoreRows) -> StoreRows:
@@ -240,12 +238,7 @@ def _read_rows(messages: FileMessages) -> StoreRows:
             stores[chunk.store].append(chunk.entity, chunk.batch)
     except UNREADABLE as error:
         raise _damaged_inside(path, str(error)) from error
-    recordings = own_recordings(path, stores)
-    if not recordings:
-        raise RecordingError(f"{path} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
-    if len(recordings) > 1:
-        raise several_recordings(path, [*recordings])
-    ((name, rows),) = recordings.items()
+    name, rows = the_recording(path, stores)
     return StoreRows(name, rows.take())
 
 

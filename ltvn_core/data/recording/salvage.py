@@ -7,7 +7,7 @@ the closing record gives only the rows that agree with a checksum of their own.
 import re
 import zlib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -23,10 +23,9 @@ from ltvn_core.data.recording.rrd_contents import (
     RrdContents,
     StoreRows,
     joined_store,
-    own_recordings,
     read_description,
     require_steps,
-    several_recordings,
+    the_recording,
     unreadable,
 )
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, last_closing_record
@@ -95,9 +94,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     # A single message may have got its name by damage.
     sure = {key: store for key, store in stores.items() if len(store.places) > 1} or dict(stores)
     lost += [place for key, store in stores.items() if key not in sure for place in store.places]
-    recordings = own_recordings(path, sure)
-    chosen = _chosen(path, recordings, recording_id)
-    store = recordings[chosen]
+    chosen, store = the_recording(path, sure, recording_id)
     found = {entity: damaged_first(entity, each) for entity, each in store.rows.take().items()}
     rows = joined_store(path, StoreRows(chosen, found))
     rows = rows._replace(rows={entity: damaged_first(entity, each) for entity, each in rows.rows.items()})
@@ -189,16 +186,6 @@ def _has_table(data: bytes) -> bool:
     """Tell whether a file ends with a table of its chunks, like every file that Rerun has finished."""
     tail = Tail.read(data[-TAIL_BYTES:])
     return tail is not None and tail.footer_bytes > 0
-
-
-def _chosen(path: Path, recordings: Mapping[str, _Store], recording_id: str | None) -> str:
-    if not recordings:
-        raise RecordingError(f"{path} has no undamaged message of a recording; nothing can be recovered.")
-    if recording_id is not None and recording_id not in recordings:
-        raise RecordingError(f"{path} holds no recording {recording_id!r}, but {' and '.join(recordings)}.")
-    if recording_id is None and len(recordings) > 1:
-        raise several_recordings(path, list(recordings))
-    return recording_id or next(iter(recordings))
 
 
 def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> tuple[RrdContents, bool]:

@@ -143,29 +143,31 @@ NODE_ROW = "ltvn.Nodes"
 EDGE_ROW = "ltvn.Edges"
 """Columns beside the drawn edges: source, target, p, mu, sigma2; beside blocked edges only source and target."""
 
-COLUMNS = {
+_NUMBERS, _INTEGERS, _TEXTS = (pa.list_(each) for each in (pa.float64(), pa.int64(), pa.utf8()))
+_PICTURE = pa.list_(pa.list_(pa.field("item", pa.uint8(), nullable=False)))
+COLUMNS: Mapping[str, Mapping[str, pa.DataType]] = {
     RGB: {
-        STEP: "int64",
-        f"{FRAME_ROW}:stamp": "list<item: double>",
-        f"{FRAME_ROW}:odometry": "list<item: double>",
-        f"{FRAME_ROW}:exact_pose": "list<item: double>",
-        f"{FRAME_ROW}:crc32": "list<item: int64>",
-        "EncodedImage:blob": "list<item: list<item: uint8 not null>>",
+        STEP: pa.int64(),
+        f"{FRAME_ROW}:stamp": _NUMBERS,
+        f"{FRAME_ROW}:odometry": _NUMBERS,
+        f"{FRAME_ROW}:exact_pose": _NUMBERS,
+        f"{FRAME_ROW}:crc32": _INTEGERS,
+        "EncodedImage:blob": _PICTURE,
     },
-    DEPTH: {STEP: "int64", f"{DEPTH_ROW}:crc32": "list<item: int64>"},
+    DEPTH: {STEP: pa.int64(), f"{DEPTH_ROW}:crc32": _INTEGERS},
     ORIGINAL: {
-        STEP: "int64",
-        f"{ORIGINAL_ROW}:camera": "list<item: string>",
-        f"{ORIGINAL_ROW}:crc32": "list<item: int64>",
-        "EncodedImage:blob": "list<item: list<item: uint8 not null>>",
+        STEP: pa.int64(),
+        f"{ORIGINAL_ROW}:camera": _TEXTS,
+        f"{ORIGINAL_ROW}:crc32": _INTEGERS,
+        "EncodedImage:blob": _PICTURE,
     },
     EVENTS: {
-        STEP: "int64",
-        f"{EVENT_ROW}:sequence": "list<item: int64>",
-        f"{EVENT_ROW}:stamp": "list<item: double>",
-        f"{EVENT_ROW}:kind": "list<item: string>",
-        f"{EVENT_ROW}:json": "list<item: string>",
-        f"{EVENT_ROW}:crc32": "list<item: int64>",
+        STEP: pa.int64(),
+        f"{EVENT_ROW}:sequence": _INTEGERS,
+        f"{EVENT_ROW}:stamp": _NUMBERS,
+        f"{EVENT_ROW}:kind": _TEXTS,
+        f"{EVENT_ROW}:json": _TEXTS,
+        f"{EVENT_ROW}:crc32": _INTEGERS,
     },
 }
 """Arrow type of each column that is read back with a time, by entity."""
@@ -174,10 +176,12 @@ COLUMNS = {
 def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
     """Tell whether the rows of an entity have the columns that this program writes; rows without a time are not
     checked."""
-    if STEP not in batch.schema.names:
+    found = batch.schema
+    if found.get_field_index(STEP) < 0:
         return True  # The reader tells of them.
-    found = {column.name: str(column.type) for column in batch.schema}
-    return all(found.get(name) == kind for name, kind in COLUMNS.get(entity.removeprefix("/"), {}).items())
+    columns = COLUMNS.get(entity.removeprefix("/"), {}).items()
+    places = [(found.get_field_index(name), kind) for name, kind in columns]
+    return all(place >= 0 and found.field(place).type == kind for place, kind in places)
 
 
 class _Column:
@@ -228,5 +232,5 @@ def read_cell(column: pa.Array, index: int) -> NDArray[Any]:
         row = column.slice(index, 1).flatten()
     # `.values` of a sliced list starts at row 0 without a warning; only `flatten` respects the offset.
     while pa.types.is_list(row.type) or pa.types.is_fixed_size_list(row.type):
-        row = row.flatten()
+        row = row[0].values if len(row) == 1 and not row.null_count else row.flatten()  # As above.
     return row.to_numpy(zero_copy_only=False)

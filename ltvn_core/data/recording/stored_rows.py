@@ -50,7 +50,7 @@ class BatchRow(NamedTuple):
 
     def blob(self, column: str) -> bytes | None:
         """Return the bytes of a column, which may be missing or empty."""
-        if column not in self.batch.schema.names:
+        if self.batch.schema.get_field_index(column) < 0:
             return None
         return self.numbers(column).tobytes() or None
 
@@ -93,23 +93,23 @@ def damaged_first(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.R
     entity = path.removeprefix("/")
     if entity not in schema.COLUMNS:
         return batches
-    masks = [_intact_rows(entity, batch) for batch in batches]
-    damaged = [batch.filter(pa.array(~intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
-    right = [batch.filter(pa.array(intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
-    others = [batch for batch, intact in zip(batches, masks, strict=True) if not len(intact)]
-    if entity == schema.ORIGINAL:
-        damaged = []
-    return [batch for batch in (*others, *damaged, *right) if batch.num_rows]
+    others, damaged, right = _by_checksum(entity, batches)
+    return [*others, *([] if entity == schema.ORIGINAL else damaged), *right]
 
 
 def believable(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
     """Return the rows of damaged tables that match their own checksums."""
     entity = path.removeprefix("/")
-    if entity not in schema.COLUMNS:
-        return ()
-    masks = [_intact_rows(entity, batch) for batch in batches]
-    kept = [batch.filter(pa.array(intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
-    return [batch for batch in kept if batch.num_rows]
+    return _by_checksum(entity, batches)[-1] if entity in schema.COLUMNS else ()
+
+
+def _by_checksum(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[Sequence[pa.RecordBatch]]:
+    """Return the batches that lack a column, and of the others the damaged rows and the intact ones."""
+    masks = [(batch, _intact_rows(entity, batch)) for batch in batches]
+    damaged = [batch.filter(pa.array(~intact)) for batch, intact in masks if len(intact)]
+    right = [batch.filter(pa.array(intact)) for batch, intact in masks if len(intact)]
+    others = [batch for batch, intact in masks if not len(intact)]
+    return [[batch for batch in each if batch.num_rows] for each in (others, damaged, right)]
 
 
 def _intact_rows(entity: str, batch: pa.RecordBatch) -> NDArray[np.bool_]:
@@ -165,6 +165,6 @@ def _original_image(row: BatchRow) -> OriginalImage:
 def _tilt(rgb: BatchRow) -> Tilt | None:
     """Return the tilt of the camera; None in older recordings, and if the tilt equals the mounting."""
     column = f"{schema.FRAME_ROW}:tilt"
-    if column not in rgb.batch.schema.names or (numbers := rgb.numbers(column)).size != len(Tilt._fields):
+    if rgb.batch.schema.get_field_index(column) < 0 or (numbers := rgb.numbers(column)).size != len(Tilt._fields):
         return None
     return Tilt(*map(float, numbers))

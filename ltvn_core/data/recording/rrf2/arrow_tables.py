@@ -21,12 +21,16 @@ def read_table(stream: bytes, most_bytes: int) -> pa.RecordBatch:
     Raises ValueError or ArrowException if it is none, or unpacks to more than `most_bytes`.
     """
     try:
-        size = sum(map(_unpacked_bytes, pa.ipc.MessageReader.open_stream(stream)))
+        messages = list(pa.ipc.MessageReader.open_stream(stream))
+        size = sum(map(_unpacked_bytes, messages))
     except struct.error as error:
         raise ValueError("an Arrow table with another layout") from error
     if size > most_bytes:
         raise ValueError(f"a table that unpacks to {size:,} bytes, more than the {most_bytes:,} that are possible")
-    (table,) = pa.ipc.open_stream(stream)
+    if [message.type for message in messages] == ["schema", "record batch"]:  # Decoded without a look at it again.
+        table = pa.ipc.read_record_batch(messages[1], pa.ipc.read_schema(messages[0]))
+    else:
+        (table,) = pa.ipc.open_stream(stream)
     table.validate(full=True)
     return table
 

@@ -6,6 +6,7 @@ table in a protobuf message; the end message begins with Rerun's footer, one tab
 
 import struct
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 import pyarrow as pa
@@ -117,6 +118,7 @@ def read_chunk(payload: bytes) -> ChunkMessage:
     batch = _read_batch(table, size, is_packed=fields.get(_CHUNK_COMPRESSION) == _LZ4)
     if not isinstance(store, bytes):
         raise TypeError("its layout is unknown")
+    recording_id(store)
     entity = (batch.schema.metadata or {})[_ENTITY].decode()
     if store.startswith(RECORDING_STORE) and schema.is_of_user(entity):
         _require_texts(batch.schema)
@@ -136,6 +138,7 @@ def described_store(payload: bytes) -> bytes:
     return bytes_fields(bytes_fields(payload)[_STORE_INFO])[_STORE_KEY]
 
 
+@lru_cache
 def recording_id(store: bytes) -> str:
     """Return the id of the recording in the key of a store. Raises ValueError or LookupError if it has none."""
     return bytes_fields(store)[_RECORDING_ID].decode()

@@ -84,7 +84,9 @@ def _machine() -> str:
     """Return the processor and the libraries on which the last bits of a number depend."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+    said = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in reversed(lines))}
+    # A virtual machine names several generations alike: "AMD EPYC".
+    name = " ".join(said[key] for key in ("model name", "cpu family", "model", "stepping") if key in said)
     return ", ".join([name or platform.processor() or platform.machine(), *map(_installed, _LIBRARIES)])
 
 

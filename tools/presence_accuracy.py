@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceTracks
+from ltvn_core.graph.presence.presence_filter import DurationMixture, PresenceFilter, PresenceTracks
 from ltvn_core.network.metrics import calibration_error
 
 FloatArray = NDArray[np.float64]

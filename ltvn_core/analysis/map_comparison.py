@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.connectivity import cost_matrix, count_strongly_connected_components
 from ltvn_core.graph.deltas import Edge
+from ltvn_core.graph.planner import cost_matrix, count_strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Collided, Judged, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId, Pose

@@ -18,10 +18,10 @@ from scipy.spatial import KDTree
 
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import distance, relative, wrap_angle
-from ltvn_core.graph.connectivity import mirrored, strongly_connected_components
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.planner import mirrored, strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Pose
 

@@ -17,7 +17,7 @@ from ltvn_core.analysis.what_if_changes import WithoutEdge
 from ltvn_core.analysis.world_clock import clock_text, duration_text
 from ltvn_core.graph.deltas import Belief, Cause
 from ltvn_core.graph.planner import GraphPath, Planner
-from ltvn_core.graph.presence.presence_plan import HOPELESS_BELOW, OPEN_ABOVE
+from ltvn_core.graph.presence.edge_presence import HOPELESS_BELOW, OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId

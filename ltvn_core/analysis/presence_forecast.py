@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ltvn_core.graph.presence.edge_presence import HOPELESS_BELOW, OPEN_ABOVE
 from ltvn_core.graph.presence.presence_filter import (
     PresenceFilter,
     PresenceObservation,
     follow_histories,
     presence_probabilities,
 )
-from ltvn_core.graph.presence.presence_plan import HOPELESS_BELOW, OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 _LONGEST_S = 14 * 86400.0

@@ -26,9 +26,8 @@ from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
 from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.deltas import Cause, NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.event_table import describe_event
+from ltvn_core.navigation.event_table import NO_PROGRESS, NavigationProgress, describe_event
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
-from ltvn_core.navigation.progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.types import FrameId, NodeId, Pose
 
 _Row = TypeVar("_Row")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.event_table import MarkKind, describe_event
+from ltvn_core.navigation.event_table import MarkKind, describe_event, edges_between
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
@@ -21,7 +21,6 @@ from ltvn_core.navigation.events import (
     Planned,
     QueryEnded,
 )
-from ltvn_core.navigation.progress import edges_between
 from ltvn_core.types import FrameId, NodeId
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, PlanRecord, QueryRecord
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.event_table import EventDescription, MarkKind
+from ltvn_core.navigation.event_table import EventDescription, MarkKind, NavigationProgress
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
@@ -25,7 +25,6 @@ from ltvn_core.navigation.events import (
     QueryEnded,
     QueryStarted,
 )
-from ltvn_core.navigation.progress import NavigationProgress
 
 _STOPS = frozenset(MarkKind) - {
     MarkKind.ADD,

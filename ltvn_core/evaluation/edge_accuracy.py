@@ -18,8 +18,8 @@ from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.deltas import Edge
+from ltvn_core.graph.planner import cost_matrix
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, StampedEvent
 from ltvn_core.simulation.oracle_predictor import is_drivable

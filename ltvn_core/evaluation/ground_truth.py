@@ -13,7 +13,7 @@ from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.map_drawing import MapDrawing
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapTruthMetrics
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.connectivity import count_strongly_connected_components
+from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.map_coverage import Standing, reached_from_most, standings
 from ltvn_core.network.metrics import calibration_table

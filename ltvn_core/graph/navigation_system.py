@@ -101,39 +101,25 @@ class SubgoalStrategy(Protocol):
 
 
 class MaintenanceStrategy(Protocol):
-    """Updates the map from driving."""
+    """Updates the map from driving. What a subclass leaves out changes nothing."""
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         """Learn from an attempt. Its ends need not be joined by an edge if the subgoal lies farther ahead."""
-        ...
+        return ()
 
     def no_path(
         self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
     ) -> Deltas:
         """Search for a path where the map has none; called once per source and query."""
-        ...
+        return ()
 
     def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
         """Use an image in which no node was recognised; if it becomes a node, the navigator stores its image."""
-        ...
+        return ()
 
 
-class NoMaintenance:
+class NoMaintenance(MaintenanceStrategy):
     """The maintenance of a system that has none: the map stays as it was built."""
-
-    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Learn nothing."""
-        return ()
-
-    def no_path(
-        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
-    ) -> Deltas:
-        """Search nothing."""
-        return ()
-
-    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Add nothing."""
-        return ()
 
 
 def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:

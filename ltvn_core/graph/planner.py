@@ -1,31 +1,28 @@
-"""The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans.
+"""The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans; connectivity.
 
-Owns the mirror, and the default cost of an edge. Does not decide what to do without a path.
+Owns the mirror, the default cost of an edge, and strongly connected components. Does not decide what to do without a
+path.
 """
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
+import numpy as np
 import rustworkx
+from scipy.sparse import csr_array
 
 from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
-    DriveBegun,
+    Edge,
     EdgeActionSet,
     EdgeAdded,
-    EdgeProtected,
     EdgePruned,
-    FramesReleased,
-    FramesReserved,
     GraphDelta,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
     PresenceObserved,
 )
 from ltvn_core.graph.place_belief import LIKELY
@@ -99,8 +96,19 @@ class Planner:
         """Mirror a delta that was just applied to the graph."""
         if self._version != self._graph.version - 1:
             return  # A delta was missed before; the next plan rebuilds.
-        if self._try_mirror(delta):
-            self._version = self._graph.version
+        match delta:
+            case BeliefUpdated():
+                self._set_cost((delta.source, delta.target), self._weight(delta.belief))
+            case EdgeAdded():
+                ends = self._index[delta.edge.source], self._index[delta.edge.target]
+                self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
+            case EdgePruned():
+                self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
+            case PresenceObserved() | EdgeActionSet():
+                pass  # Presence is given with each plan, and the cost of an action is that of its edge's belief.
+            case _:
+                return  # Node indices change, or the change is rare, so the mirror is rebuilt.
+        self._version = self._graph.version
 
     def plan(self, source: NodeId, goal: NodeId, penalties: Mapping[EdgeKey, float] | None = None) -> GraphPath:
         """Return the cheapest path; `penalties` are added to edges for this plan alone, infinite ones close them."""
@@ -136,33 +144,51 @@ class Planner:
     def _set_cost(self, key: EdgeKey, cost: float) -> None:
         self._mirror.update_edge(self._index[key[0]], self._index[key[1]], cost)
 
-    def _try_mirror(self, delta: GraphDelta) -> bool:
-        match delta:
-            case BeliefUpdated():
-                self._set_cost((delta.source, delta.target), self._weight(delta.belief))
-            case EdgeAdded():
-                ends = self._index[delta.edge.source], self._index[delta.edge.target]
-                self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
-            case EdgePruned():
-                self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
-            case PresenceObserved():
-                pass  # Presence is given with each plan.
-            case EdgeActionSet():
-                pass  # The cost of an action is the cost of its edge's belief.
-            case NodeAdded() | NodeDropped():
-                return False  # Node indices change, so the mirror is rebuilt.
-            case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
-                return False
-        return True
-
     def _rebuild(self) -> None:
         graph = self._graph
         self._mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
         self._index = dict(zip(graph.nodes, self._mirror.add_nodes_from(list(graph.nodes)), strict=True))
-        self._mirror.add_edges_from(
-            [
-                (self._index[edge.source], self._index[edge.target], self._weight(edge.belief))
-                for edge in graph.edges.values()
-            ]
-        )
+        costs = ((*key, self._weight(edge.belief)) for key, edge in graph.edges.items())
+        self._mirror.add_edges_from([(self._index[a], self._index[b], cost) for a, b, cost in costs])
         self._version = graph.version
+
+
+_LEAST_COST = 1e-9
+"""Cost for edges that cost nothing, because a sparse matrix drops zeros."""
+
+
+def cost_matrix(graph: TopologicalGraph, weight: EdgeWeight) -> tuple[tuple[NodeId, ...], csr_array]:
+    """Return the N nodes of a graph, and the costs of its edges as a sparse matrix (N, N) with a row for each node;
+    linear in edges."""
+    nodes = tuple(graph.nodes)
+    row = {node: k for k, node in enumerate(nodes)}
+    ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
+    costs = np.array([max(weight(edge.belief), _LEAST_COST) for edge in graph.edges.values()], np.float64)
+    return nodes, csr_array((costs, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes)))
+
+
+def mirrored(
+    graph: TopologicalGraph, edges: Iterable[EdgeKey]
+) -> "tuple[rustworkx.PyDiGraph[NodeId, None], dict[NodeId, int]]":
+    """Return all nodes of a map and some of its edges as a graph of rustworkx, and the index of each node in it."""
+    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
+    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
+    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in edges])
+    return mirror, index
+
+
+def strongly_connected_components(
+    graph: TopologicalGraph, over: Callable[[Edge], bool] = lambda edge: True
+) -> tuple[tuple[NodeId, ...], ...]:
+    """Return the strongly connected components of a map, the largest first, the nodes of each in order.
+
+    Within one, a path leads from every node to every other, over edges that `over` accepts. Linear in nodes and edges.
+    """
+    mirror, _ = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
+    parts = [tuple(sorted(mirror[k] for k in part)) for part in rustworkx.strongly_connected_components(mirror)]
+    return tuple(sorted(parts, key=lambda part: (-len(part), part)))
+
+
+def count_strongly_connected_components(graph: TopologicalGraph) -> int:
+    """Return the number of strongly connected components of a map; 1 is ideal."""
+    return len(strongly_connected_components(graph))

@@ -18,8 +18,8 @@ from ltvn_core.cameras.rectification import Rectification, have_same_rays
 from ltvn_core.data.revisits import near_pairs, revisits
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import relative
-from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.map_coverage import MapCoverage, evenly
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable

@@ -13,12 +13,12 @@ import numpy as np
 import rustworkx
 
 from ltvn_core.findings import Finding
-from ltvn_core.graph.connectivity import mirrored, strongly_connected_components
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import NO_PRIOR, Localiser
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.planner import mirrored, strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, is_usable
 

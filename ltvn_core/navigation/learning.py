@@ -17,8 +17,8 @@ from ltvn_core.graph.deltas import BeliefUpdated, PresenceObserved
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.place_belief import SURE
 from ltvn_core.graph.planner import GraphPath
+from ltvn_core.graph.presence.edge_presence import is_open
 from ltvn_core.graph.presence.obstruction import edges_obstructed
-from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.arrival import AT_TARGET_M
 from ltvn_core.navigation.attempt_driver import AttemptResult

@@ -17,6 +17,7 @@ from ltvn_core.cameras.depth_points import cell_keys, map_points, obstacle_point
 from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
+from ltvn_core.graph.presence.edge_presence import is_open
 from ltvn_core.graph.presence.obstruction import (
     BODY_M,
     Obstruction,
@@ -25,7 +26,6 @@ from ltvn_core.graph.presence.obstruction import (
     nearby_poses,
     ways_nearby,
 )
-from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.query import Departure, QueryState
 from ltvn_core.types import NodeId, Pose

@@ -1,7 +1,7 @@
 """Runs one query: the navigation loop of the paper (Section III), step by step.
 
 Owns the order of the steps, the events that report them, and the costs of a plan. The decisions are elsewhere: in the
-strategies of `graph.navigation_system`, in `graph.planner`, `graph.presence.presence_plan`, `navigation.attempt_driver`
+strategies of `graph.navigation_system`, in `graph.planner`, `graph.presence.edge_presence`, `navigation.attempt_driver`
 and `navigation.learning`.
 """
 
@@ -16,7 +16,7 @@ from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
 from ltvn_core.graph.planner import GraphPath, with_blind_costs
-from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
+from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.arrival import (

@@ -94,7 +94,7 @@ class BuildVerb(Verb):
 def _built(options: BuildVerb) -> Summary:
     from tqdm import tqdm
 
-    from ltvn_core.graph.connectivity import count_strongly_connected_components
+    from ltvn_core.graph.planner import count_strongly_connected_components
     from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 
     wanted = BuildOptions(

@@ -19,7 +19,7 @@ from ltvn_core.analysis.answer import (
     StepChart,
 )
 from ltvn_core.analysis.world_clock import DAY_S, clock_text
-from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
+from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE
 from ltvn_core.palette import Rgb8
 
 WIDTH_PX = 360

@@ -26,7 +26,7 @@ from ltvn_core.analysis.what_if_changes import (
 )
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay, clock_text
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
+from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_map, request_link, time_link
 from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection

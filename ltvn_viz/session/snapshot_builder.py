@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.navigation.event_table import NavigationProgress
 from ltvn_core.navigation.events import Outcome
-from ltvn_core.navigation.progress import NavigationProgress
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback

@@ -13,7 +13,7 @@ from ltvn_core.analysis.map_history import EMPTY_GRAPH, NO_FADING_EDGES, FadingE
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY, RecordedFrames
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.geometry import compose, wrap_angle
-from ltvn_core.navigation.progress import NO_PROGRESS, NavigationProgress
+from ltvn_core.navigation.event_table import NO_PROGRESS, NavigationProgress
 from ltvn_core.types import FrameId, Pose
 
 FADE_S = 3.0

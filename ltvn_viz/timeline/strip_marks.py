@@ -20,8 +20,7 @@ from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
-from ltvn_core.navigation.event_table import describe_event
-from ltvn_core.navigation.progress import NavigationProgress
+from ltvn_core.navigation.event_table import NavigationProgress, describe_event
 from ltvn_core.worlds import PersonLeft, PersonMoved
 from ltvn_viz.server.strip_kinds import KIND_NUMBERS, STRIP_STYLES, QueryEnd, ShownKind, StripKind
 

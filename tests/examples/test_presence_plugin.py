@@ -11,10 +11,14 @@ from examples.presence_plugin.presence_filters import (
     forgetting_system,
     fremen_system,
 )
-from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation, presence_probabilities
+from ltvn_core.graph.presence.presence_filter import (
+    DurationMixture,
+    PresenceFilter,
+    PresenceObservation,
+    presence_probabilities,
+)
 
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
 

@@ -11,8 +11,8 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
 from ltvn_core.evaluation.reports.map_svg import recorded_ground_truth
-from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction

@@ -14,8 +14,7 @@ from ltvn_core.graph.deltas import Belief, Edge
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import GraphPath, Planner
-from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
-from ltvn_core.graph.presence.presence_plan import plan_by_presence
+from ltvn_core.graph.presence.edge_presence import EdgeProbabilities, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.scene import Scene

@@ -16,13 +16,13 @@ from ltvn_core.analysis.localisation_confidence import PerceptualAlias, find_per
 from ltvn_core.evaluation.edge_accuracy import misplaced, waypoint_errors
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.build_progress import ProgressCallback
-from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import NO_PRIOR
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.network.metrics import or_none, quantile

@@ -9,7 +9,7 @@ from functools import cache, cached_property
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.graph.deltas import PresenceObserved
-from ltvn_core.graph.presence.edge_presence import EdgeProbabilities, UnobservedPresence
+from ltvn_core.graph.presence.edge_presence import EdgePresence, EdgeProbabilities
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Event, GraphChanged
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
@@ -63,7 +63,7 @@ class ClosedEdges:
         return frozenset(door for door, closed in enumerate(closes) if closed)
 
 
-class KnownPresence(UnobservedPresence):
+class KnownPresence(EdgePresence):
     """The true presence, which is only known in simulation; it needs no observations."""
 
     def __init__(self, closed_edges: Callable[[TopologicalGraph], Collection[EdgeKey]]) -> None:

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.graph.presence.durations import DurationMixture, FloatArray, log_ended_between, log_survival
-from ltvn_core.graph.presence.presence_filter import Rows
+from ltvn_core.graph.presence.presence_filter import DurationMixture, FloatArray, Rows, log_ended_between, log_survival
 
 
 def return_probabilities(own: FloatArray, other: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from ltvn_core.graph.deltas import Edge, EdgePruned
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas
-from ltvn_core.graph.presence.presence_observations import obstructed_deltas, open_deltas
+from ltvn_core.graph.presence.edge_presence import obstructed_deltas, open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 _SAME_PLACE = (0.4, 0.4)

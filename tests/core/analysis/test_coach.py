@@ -7,10 +7,10 @@ from ltvn_core.analysis.map_findings import MapFinding, map_findings, one_sided_
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from tests.core.flat_world import FlatPredictor, one_room, tour
 

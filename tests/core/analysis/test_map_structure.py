@@ -8,7 +8,7 @@ from ltvn_core.analysis.floors import number_floors
 from ltvn_core.analysis.map_findings import contradicted_edges, map_gap
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
-from ltvn_core.graph.node_layout import lay_out
+from ltvn_core.graph.place_belief import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from tests.repository import DEMO_MAP
 

@@ -8,10 +8,9 @@ import numpy as np
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import SECOND_PASS_REACHABILITY, build
-from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.planner import Planner, count_strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_coverage import GoalReport, Standing, goal_reports, standings

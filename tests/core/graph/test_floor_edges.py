@@ -12,9 +12,8 @@ import trimesh
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.course_errors import CourseErrors
 from ltvn_core.graph.deltas import Cause, EdgeAdded, GraphDelta, NodeAdded
-from ltvn_core.graph.floor_edges import floor_edges
+from ltvn_core.graph.floor_edges import CourseErrors, floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import MapError
-from ltvn_core.graph import feature_rows
-from ltvn_core.graph.feature_rows import FeatureRows
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph import keyframes as keyframe_store
+from ltvn_core.graph.keyframes import FeatureRows, KeyframeStore
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
@@ -70,7 +69,7 @@ def test_keeping_some_forgets_the_others() -> None:
 
 @pytest.mark.parametrize("most", [0, 2**20], ids=["in a file", "in memory"])
 def test_rows_are_kept_while_more_come_and_others_are_replaced(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_rows, "MOST_IN_MEMORY", most)
+    monkeypatch.setattr(keyframe_store, "MOST_IN_MEMORY", most)
     wanted = np.random.default_rng(0).normal(size=(300, 7)).astype(np.float16)
     rows = FeatureRows(wanted[0])
     for place, row in enumerate(wanted):
@@ -81,7 +80,7 @@ def test_rows_are_kept_while_more_come_and_others_are_replaced(most: int, monkey
 
 
 def test_rows_of_objects_stay_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_rows, "MOST_IN_MEMORY", 0)
+    monkeypatch.setattr(keyframe_store, "MOST_IN_MEMORY", 0)
     rows = FeatureRows(np.array(["a"], object))
     for place in range(100):
         rows.put(place, np.array([str(place)], object))

@@ -8,9 +8,9 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.geometry import relative
-from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_check import map_findings

@@ -11,8 +11,8 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import compose
-from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.joined_drives import JoinedDrives, join_drives
 from ltvn_core.maps.topological_map import TopologicalMap

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ltvn_core.analysis.map_history import EMPTY_GRAPH, GraphArrays
 from ltvn_core.errors import SceneError
-from ltvn_core.navigation.progress import NavigationProgress
+from ltvn_core.navigation.event_table import NavigationProgress
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.worlds import AS_MADE, PersonMoved, ThingKind, ThingPlaced, WorldState
 from ltvn_viz.layers.first_view import Floor

@@ -5,7 +5,7 @@ from dataclasses import replace
 import viser
 
 from ltvn_core.errors import SceneError
-from ltvn_core.navigation.progress import NavigationProgress
+from ltvn_core.navigation.event_table import NavigationProgress
 from ltvn_core.worlds import AS_MADE, WorldState
 from ltvn_viz.layers.scene_layer import LINGER_S, SceneLayer
 from ltvn_viz.session.snapshot import Snapshot

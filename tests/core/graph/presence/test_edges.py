@@ -21,12 +21,10 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.presence.edge_presence import FilteredPresence
+from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence, seen_open_deltas
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
-from ltvn_core.graph.presence.presence_observations import seen_open_deltas
-from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 NOTHING = np.empty((0, 2))

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.persistent import PERSISTENT, PersistentFilter, SightErrors, return_probabilities
-from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation, presence_probabilities
+from ltvn_core.graph.presence.presence_filter import (
+    DurationMixture,
+    PresenceFilter,
+    PresenceObservation,
+    presence_probabilities,
+)
 
 NEVER = DurationMixture.exponential([1e12], [1.0])
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)

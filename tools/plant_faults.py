@@ -24,10 +24,9 @@ from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.geometry import distance, invert, relative
-from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, EdgePruned, FramesReleased, GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.operators import initial_belief, pose_row
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.opening import open_method

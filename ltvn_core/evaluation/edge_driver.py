@@ -13,11 +13,10 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import compose
-from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.graph.operators import initial_belief, node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick

@@ -3,6 +3,7 @@
 Owns these shares.
 """
 
+import itertools
 from collections.abc import Callable
 from enum import Enum, auto
 
@@ -46,22 +47,18 @@ class BuildProgress:
             BuildStage.CLOSURES: not method.building.close_loops,
             BuildStage.FLOOR: not method.building.floor_edges,
         }
-        self._shares = {stage: share for stage, share in _SHARES.items() if not left_out.get(stage)}
+        shares = {stage: 0.0 if left_out.get(stage) else share for stage, share in _SHARES.items()}
+        ends = list(itertools.accumulate(shares.values(), initial=0.0))
+        self._parts = {stage: (ends[k] / ends[-1], shares[stage] / ends[-1]) for k, stage in enumerate(shares)}
+        """Beginning and share of each stage."""
         self._count = count
         self._tell = tell
         self._done = 0
 
     def of(self, stage: BuildStage) -> Callable[[float], None]:
         """Return a function to call with the share of a stage that is done."""
-        stages = [*self._shares]
-        before = sum(self._shares[each] for each in stages[: stages.index(stage)]) if stage in stages else 0.0
-        whole = sum(self._shares.values())
-        own = self._shares.get(stage, 0.0)
-
-        def done(share: float) -> None:
-            self._show(int(self._count * (before + own * share) / whole))
-
-        return done
+        before, own = self._parts[stage]
+        return lambda share: self._show(int(self._count * (before + own * share)))
 
     def end(self) -> None:
         """Tell that the map is built."""

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
@@ -34,10 +33,9 @@ from ltvn_core.graph.operators import (
     node_from_observation,
     node_with_edges,
 )
-from ltvn_core.graph.slip_check import SlipCheck
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import odometry_of, usable_trajectory
-from ltvn_core.graph.wheel_slips import without_slips
+from ltvn_core.graph.wheel_slips import mend_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 SECOND_PASS_REACHABILITY = 0.6
@@ -73,7 +71,7 @@ def build(
     _encode(observations, keyframes, shown.of(BuildStage.ENCODING))
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
-        observations = _without_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
+        observations = mend_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
     loop_closures = LoopClosureVerifier(matcher)
     observations, odometry_gate = with_closed_loops(
         observations, matcher, loop_closures, method, shown.of(BuildStage.CLOSURES)
@@ -99,21 +97,6 @@ def _encode(observations: Sequence[Observation], keyframes: KeyframeStore, progr
     for first in range(0, len(observations), _ENCODED_AT_ONCE):
         keyframes.add(observations[first : first + _ENCODED_AT_ONCE])
         progress(min(first + _ENCODED_AT_ONCE, len(observations)) / len(observations))
-
-
-def _without_slips(
-    observations: Sequence[Observation], matcher: Matcher, camera: CameraModel, progress: Callable[[float], None]
-) -> Sequence[Observation]:
-    """Return images with odometry corrected for wheel slips, also in the matcher's keyframes, which note it."""
-    keyframes = matcher.keyframes
-    check = SlipCheck(matcher)
-    mended = without_slips(observations, camera, keyframes.odometry_starts, check.confirms, progress)
-    if check.errors:
-        moved = odometry_of(mended) - odometry_of(observations)
-        slips = Correction.of("wheel slips", moved, np.concatenate(check.errors), count=len(check.errors))
-        keyframes.corrections.append(slips)
-    keyframes.correct(mended)
-    return mended
 
 
 def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDelta], keyframes: KeyframeStore) -> None:

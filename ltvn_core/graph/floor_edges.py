@@ -23,12 +23,11 @@ from scipy.spatial import KDTree
 
 from ltvn_core.config import Method
 from ltvn_core.geometry import distance, relative, wrap_angle
-from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
 from ltvn_core.graph.free_floor import LONGEST_M, WELL_KNOWN_M, FreeFloor
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
-from ltvn_core.graph.operators import bidirectional_edges
+from ltvn_core.graph.operators import bidirectional_edges, initial_belief
 from ltvn_core.graph.planner import cost_matrix, edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId

@@ -14,14 +14,7 @@ import numpy as np
 
 from ltvn_core.config import LocalisingConfig, Method
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.deltas import (
-    Cause,
-    EdgeAdded,
-    FramesReleased,
-    FramesReserved,
-    GraphDelta,
-    NodeAdded,
-)
+from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
 from ltvn_core.graph.loop_closures import LoopClosureVerifier

@@ -70,34 +70,16 @@ class OnlineStrategy(Protocol):
         ...
 
 
-class OnlineStrategyFactory(Protocol):
-    """Starts the growth of one map."""
+OnlineStrategyFactory: TypeAlias = Callable[[TopologicalGraph, KeyframeStore, Predictor], OnlineStrategy]
+"""Starts the growth of a graph, given the images of its nodes."""
 
-    def __call__(self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor) -> OnlineStrategy:
-        """Return the online strategy of `graph`, whose images are in `keyframes`."""
-        ...
+LocalisationStrategy: TypeAlias = Callable[[Features, TopologicalGraph, LocalisationPrior, Matcher], Localisation]
+"""Finds the node that the robot is at: compares the current image (1, F) with the map, given the state of the query."""
 
-
-class LocalisationStrategy(Protocol):
-    """Finds the node that the robot is at."""
-
-    def __call__(
-        self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
-    ) -> Localisation:
-        """Compare the current image (1, F) with the map, given the state of the query in `prior`."""
-        ...
-
-
-class SubgoalStrategy(Protocol):
-    """Chooses the node of a planned path that the robot drives to next."""
-
-    def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
-        """Return the index in `path` of the node to drive to, at least 1.
-
-        The path has two nodes or more and begins where the robot is. `reachability` returns how reachable a node is
-        from here; each call costs a comparison.
-        """
-        ...
+SubgoalStrategy: TypeAlias = Callable[[Sequence[NodeId], Callable[[NodeId], float]], int]
+"""Chooses the node of a planned path that the robot drives to next: returns its index in the path, at least 1. The path
+has two nodes or more and begins where the robot is. The function returns how reachable a node is from here; each call
+costs a comparison."""
 
 
 class MaintenanceStrategy(Protocol):

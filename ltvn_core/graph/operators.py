@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BeliefConfig, BuildingConfig
 from ltvn_core.geometry import invert
-from ltvn_core.graph.beliefs import initial_belief
-from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.types import FrameId, NodeId, Observation, Waypoint
 
@@ -70,6 +69,11 @@ def nearest_mergeable(
         if mergeable(nearest, thresholds).any():
             return nearest
     return None
+
+
+def initial_belief(reachability: float, distance: float, config: BeliefConfig) -> Belief:
+    """Return the belief of a new edge: p0 = r capped, mu0 = d(w), sigma0^2 = sigma^2."""
+    return Belief(min(float(reachability), config.p_cap), float(distance), config.sigma2)
 
 
 def node_from_observation(observation: Observation) -> Node:

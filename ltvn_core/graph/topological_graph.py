@@ -13,33 +13,15 @@ from types import MappingProxyType
 from typing import Self, TypeAlias, assert_never
 
 from ltvn_core.errors import MapError
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    DriveBegun,
-    Edge,
-    EdgeActionSet,
-    EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
-    FramesReleased,
-    FramesReserved,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PresenceObserved,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.presence.presence_filter import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
 
 
-def check_edge(edge: Edge) -> None:
+def check_edge(edge: d.Edge) -> None:
     """Raise MapError for an invalid edge; the message is only formatted then, because maps are folded from many
     edges."""
-    belief: Belief = edge.belief
+    belief: d.Belief = edge.belief
     counts = 0 <= edge.successes <= edge.attempts
     if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
         return
@@ -49,7 +31,7 @@ def check_edge(edge: Edge) -> None:
     require(counts, f"{edge_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
 
 
-def edge_name(edge: Edge) -> str:
+def edge_name(edge: d.Edge) -> str:
     """Name an edge in an error."""
     return f"Edge {edge.source} -> {edge.target}"
 
@@ -72,10 +54,10 @@ MOST_PRESENCE_OBSERVATIONS = 256
 class TopologicalGraph:
     """A directed graph of places that only deltas change; two graphs are equal if their contents are."""
 
-    def __init__(self, deltas: Iterable[GraphDelta] = ()) -> None:
+    def __init__(self, deltas: Iterable[d.GraphDelta] = ()) -> None:
         """Fold `deltas`, in order, into a graph; raise MapError at the first that does not fit."""
-        self._nodes: dict[NodeId, Node] = {}
-        self._edges: dict[EdgeKey, Edge] = {}
+        self._nodes: dict[NodeId, d.Node] = {}
+        self._edges: dict[EdgeKey, d.Edge] = {}
         self._presence: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
         self._reserve: dict[FrameId, None] = {}
         self._drives: dict[FrameId, str] = {}
@@ -87,12 +69,12 @@ class TopologicalGraph:
             self.apply(delta)
 
     @property
-    def nodes(self) -> Mapping[NodeId, Node]:
+    def nodes(self) -> Mapping[NodeId, d.Node]:
         """All nodes by id, oldest first; read only."""
         return MappingProxyType(self._nodes)
 
     @property
-    def edges(self) -> Mapping[EdgeKey, Edge]:
+    def edges(self) -> Mapping[EdgeKey, d.Edge]:
         """All edges by (source, target), oldest first; read only."""
         return MappingProxyType(self._edges)
 
@@ -102,7 +84,7 @@ class TopologicalGraph:
         return {key: edge.action for key, edge in self._edges.items() if edge.action}
 
     @property
-    def driven_edges(self) -> Mapping[EdgeKey, Edge]:
+    def driven_edges(self) -> Mapping[EdgeKey, d.Edge]:
         """The edges without an action, whose waypoints tell where their targets are; linear in edges."""
         return {key: edge for key, edge in self._edges.items() if not edge.action}
 
@@ -148,45 +130,45 @@ class TopologicalGraph:
         """Nodes from which edges lead to `node`; empty for a node that is not in the map."""
         return self._predecessors.get(node, {}).keys()
 
-    def apply(self, delta: GraphDelta) -> None:
+    def apply(self, delta: d.GraphDelta) -> None:
         """Change the map; raise MapError and leave it unchanged if the delta does not fit."""
         match delta:
-            case EdgeAdded():
+            case d.EdgeAdded():
                 self._add_edge(delta)
-            case BeliefUpdated():
+            case d.BeliefUpdated():
                 self._update_belief(delta)
-            case NodeAdded():
+            case d.NodeAdded():
                 self._add_node(delta)
-            case EdgePruned():
+            case d.EdgePruned():
                 self._prune_edge(delta)
-            case NodeDropped():
+            case d.NodeDropped():
                 self._drop_node(delta)
-            case EdgeProtected():
+            case d.EdgeProtected():
                 self._protect_edge(delta)
-            case EdgeActionSet():
+            case d.EdgeActionSet():
                 self._set_action(delta)
-            case PresenceObserved():
+            case d.PresenceObserved():
                 self._observe_presence(delta)
-            case NodeNamed():
+            case d.NodeNamed():
                 self._name_node(delta)
-            case DriveBegun():
+            case d.DriveBegun():
                 self._drives = dict(sorted({**self._drives, delta.frame: delta.name}.items()))
-            case FramesReserved():
+            case d.FramesReserved():
                 self._add_reserve(delta)
-            case FramesReleased():
+            case d.FramesReleased():
                 self._release(delta)
             case _:
                 assert_never(delta)
         self._version += 1
 
-    def deltas(self, cause: Cause = Cause.LOAD) -> tuple[GraphDelta, ...]:
+    def deltas(self, cause: d.Cause = d.Cause.LOAD) -> tuple[d.GraphDelta, ...]:
         """Return the shortest history whose fold equals this graph."""
-        history: list[GraphDelta] = [NodeAdded(node, cause) for node in self._nodes.values()]
-        history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
+        history: list[d.GraphDelta] = [d.NodeAdded(node, cause) for node in self._nodes.values()]
+        history += [d.EdgeAdded(edge, cause) for edge in self._edges.values()]
         history += presence_deltas(self._presence, cause)
-        history += [DriveBegun(frame, name, cause) for frame, name in self._drives.items()]
+        history += [d.DriveBegun(frame, name, cause) for frame, name in self._drives.items()]
         if self._reserve:
-            history.append(FramesReserved(tuple(self._reserve), cause))
+            history.append(d.FramesReserved(tuple(self._reserve), cause))
         return tuple(history)
 
     def copy(self) -> Self:
@@ -215,7 +197,7 @@ class TopologicalGraph:
     def __repr__(self) -> str:
         return f"TopologicalGraph({len(self._nodes)} nodes, {len(self._edges)} edges, {len(self._reserve)} in reserve)"
 
-    def _add_node(self, delta: NodeAdded) -> None:
+    def _add_node(self, delta: d.NodeAdded) -> None:
         frame = delta.node.id
         require(frame not in self._nodes, f"Node {frame} is in the map already.")
         require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
@@ -224,7 +206,7 @@ class TopologicalGraph:
         self._successors[frame] = {}
         self._predecessors[frame] = {}
 
-    def _drop_node(self, delta: NodeDropped) -> None:
+    def _drop_node(self, delta: d.NodeDropped) -> None:
         self._require_node(delta.node)
         incident = [(delta.node, other) for other in self._successors[delta.node]]
         incident += [(other, delta.node) for other in self._predecessors[delta.node]]
@@ -233,7 +215,7 @@ class TopologicalGraph:
         self._names.pop(self._nodes[delta.node].name, None)
         del self._nodes[delta.node], self._successors[delta.node], self._predecessors[delta.node]
 
-    def _add_edge(self, delta: EdgeAdded) -> None:
+    def _add_edge(self, delta: d.EdgeAdded) -> None:
         edge = delta.edge
         self._require_node(edge.source)
         self._require_node(edge.target)
@@ -249,39 +231,31 @@ class TopologicalGraph:
         self._successors[edge.source][edge.target] = None
         self._predecessors[edge.target][edge.source] = None
 
-    def _update_belief(self, delta: BeliefUpdated) -> None:
+    def _update_belief(self, delta: d.BeliefUpdated) -> None:
         edge = self._existing(delta.source, delta.target)
         # Ten times as fast as `replace`: a long run has tens of thousands of these changes.
-        changed = Edge(
-            edge.source,
-            edge.target,
-            edge.waypoint,
-            delta.belief,
-            delta.attempts,
-            delta.successes,
-            edge.protected,
-            edge.by_odometry,
-            edge.action,
-        )
+        known = edge.source, edge.target, edge.waypoint
+        marks = edge.protected, edge.by_odometry, edge.action
+        changed = d.Edge(*known, delta.belief, delta.attempts, delta.successes, *marks)
         check_edge(changed)
         self._edges[delta.source, delta.target] = changed
 
-    def _prune_edge(self, delta: EdgePruned) -> None:
+    def _prune_edge(self, delta: d.EdgePruned) -> None:
         edge = self._existing(delta.source, delta.target)
-        by_hand = delta.cause in (Cause.HAND, Cause.LOAD)
+        by_hand = delta.cause in (d.Cause.HAND, d.Cause.LOAD)
         require(by_hand or not edge.protected, f"{edge_name(edge)} is protected; only a person may prune it.")
         self._remove_edge(delta.source, delta.target)
 
-    def _protect_edge(self, delta: EdgeProtected) -> None:
+    def _protect_edge(self, delta: d.EdgeProtected) -> None:
         edge = self._existing(delta.source, delta.target)
         self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
 
-    def _set_action(self, delta: EdgeActionSet) -> None:
+    def _set_action(self, delta: d.EdgeActionSet) -> None:
         changed = replace(self._existing(delta.source, delta.target), action=delta.action)
         _check_action(changed)
         self._edges[delta.source, delta.target] = changed
 
-    def _observe_presence(self, delta: PresenceObserved) -> None:
+    def _observe_presence(self, delta: d.PresenceObserved) -> None:
         edge = self._existing(delta.source, delta.target)
         require(
             math.isfinite(delta.stamp), f"{edge_name(edge)} was observed at {delta.stamp} s; a moment must be finite."
@@ -290,7 +264,7 @@ class TopologicalGraph:
         seen = (*self._presence.get(key, ()), PresenceObservation(delta.present, delta.stamp))
         self._presence[key] = seen[-MOST_PRESENCE_OBSERVATIONS:]
 
-    def _name_node(self, delta: NodeNamed) -> None:
+    def _name_node(self, delta: d.NodeNamed) -> None:
         self._require_node(delta.node)
         node = self._nodes[delta.node]
         self._give_name(delta.node, delta.name)
@@ -310,13 +284,13 @@ class TopologicalGraph:
         del self._successors[source][target]
         del self._predecessors[target][source]
 
-    def _add_reserve(self, delta: FramesReserved) -> None:
+    def _add_reserve(self, delta: d.FramesReserved) -> None:
         for frame in delta.frames:
             require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
             require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
         self._reserve.update(dict.fromkeys(delta.frames))
 
-    def _release(self, delta: FramesReleased) -> None:
+    def _release(self, delta: d.FramesReleased) -> None:
         for frame in delta.frames:
             require(frame in self._reserve, f"Frame {frame} is not in the reserve.")
         for frame in delta.frames:
@@ -326,7 +300,7 @@ class TopologicalGraph:
         if node not in self._nodes:
             raise MapError(f"Node {node} is not in the map, which has {len(self._nodes)} nodes.")
 
-    def _existing(self, source: NodeId, target: NodeId) -> Edge:
+    def _existing(self, source: NodeId, target: NodeId) -> d.Edge:
         if (source, target) not in self._edges:
             raise MapError(f"Edge {source} -> {target} is not in the map.")
         return self._edges[source, target]
@@ -337,7 +311,7 @@ def is_action(text: str) -> bool:
     return len(text) <= MAX_ACTION_LENGTH and text.isprintable()
 
 
-def _check_action(edge: Edge) -> None:
+def _check_action(edge: d.Edge) -> None:
     if not is_action(edge.action):
         raise MapError(
             f"{edge_name(edge)} cannot have the action {edge.action[:MAX_ACTION_LENGTH]!r}: use one line of at most "
@@ -346,11 +320,11 @@ def _check_action(edge: Edge) -> None:
 
 
 def presence_deltas(
-    presence: Mapping[EdgeKey, tuple[PresenceObservation, ...]], cause: Cause
-) -> list[PresenceObserved]:
+    presence: Mapping[EdgeKey, tuple[PresenceObservation, ...]], cause: d.Cause
+) -> list[d.PresenceObserved]:
     """Return the deltas that restore the observations of edges."""
     return [
-        PresenceObserved(source, target, present=each.present, stamp=each.stamp_s, cause=cause)
+        d.PresenceObserved(source, target, present=each.present, stamp=each.stamp_s, cause=cause)
         for (source, target), observations in presence.items()
         for each in observations
     ]

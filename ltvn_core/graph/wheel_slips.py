@@ -5,8 +5,9 @@ mostly show the same things, so the motion between them can be measured: among m
 aligns the two scans best (correlative scan matching, Olson 2009). Wheels slip along the heading and in the heading, so
 these two are searched first. Where odometry agrees with the images it is not changed (ours). The search itself errs, on
 a hand-held camera by decimetres. So a slip in a recorded drive must be larger than the usual error of the search in
-that drive, and is then searched sideways too, because its pictures confirm it (`graph.slip_check`) or it is left. Owns
-how a slip is detected. Uses depth alone; without it, and where odometry never moves, no slip is found.
+that drive, and is then searched sideways too, because its pictures confirm it (`SlipCheck`) or it is left: depth alone
+may be aligned by a motion that never was, as along a plain wall. Owns how a slip is detected and mended. Without depth,
+and where odometry never moves, no slip is found.
 """
 
 import itertools
@@ -20,7 +21,10 @@ from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_scan import RANGE_M, DepthScan
-from ltvn_core.geometry import compose, invert, relative
+from ltvn_core.geometry import compose, distance, invert, relative
+from ltvn_core.graph.corrections import Correction
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation, Pose
 
 _APART_M, _APART_RAD = 0.4, 0.5
@@ -130,11 +134,10 @@ class SlipTracker:
         self._moves = self._moves or bool(moved.any())
         if not self._moves or _are_apart(moved):
             return
-        truly = motion_after_slip(before, scan, moved)
-        if truly is None:
-            return
-        # From now on the frame is shifted so that the image lies where the robot truly moved to.
-        self._frame = compose(compose(self.mended(earlier.odometry), truly), invert(seen.odometry))
+        fit = _fit(before, scan, moved)
+        if fit is not None and fit.is_better:
+            # From now on the frame is shifted so that the image lies where the robot truly moved to.
+            self._frame = compose(compose(self.mended(earlier.odometry), fit.motion), invert(seen.odometry))
 
 
 def without_slips(
@@ -209,15 +212,6 @@ def find_slips(
     return [slip for slip, fit in found.values() if fit.is_better and (slip.size > least).any()]
 
 
-def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose | None:
-    """Return the true motion (3,) of the robot between two scans in its own frame; None if odometry agrees with them.
-
-    Also None if they share too little, or no motion fits them much better.
-    """
-    fit = _fit(before, after, moved)
-    return fit.motion if fit is not None and fit.is_better else None
-
-
 def _are_apart(moved: Pose) -> bool:
     return bool(np.hypot(moved[0], moved[1]) > _APART_M or abs(moved[2]) > _APART_RAD)
 
@@ -280,3 +274,63 @@ def _surface(points: NDArray[np.float64]) -> NDArray[np.float64]:
     number = np.arange(len(first)) - np.repeat(np.cumsum(added) - added, added) + 1
     share = number * np.repeat(1 / (added + 1), added)
     return np.concatenate([points, points[first] + share[:, None] * (points[first + 1] - points[first])])
+
+
+_BESIDE = 4
+"""Number of images on each side of a slip that are compared with those on the other side."""
+_RECOGNISED = 0.5
+"""Value of r above which two images count as recognised."""
+_LEAST_PAIRS = 3
+"""Least number of recognised pairs for a verdict; with fewer, odometry is left alone."""
+_LEAST_SHARE = 2 / 3
+"""Share of these pairs that must agree better with the mended odometry."""
+
+
+class SlipCheck:
+    """Compares the images around slips."""
+
+    def __init__(self, matcher: Matcher) -> None:
+        """Compare through `matcher`, whose keyframes contain the drive."""
+        self._matcher = matcher
+        self.errors: list[NDArray[np.float64]] = []
+        """For each confirmed slip, the (P, 3) errors of the mended odometry by the pairs across it."""
+
+    def confirms(self, drive: Sequence[Observation], slip: Slip, around: tuple[int, int]) -> bool:
+        """Tell whether the images of a drive, from the first to the last row `around` a slip, agree better after it is
+        mended."""
+        first, last = around
+        before = drive[max(first, slip.row - _BESIDE) : slip.row]
+        after = drive[slip.row : min(last, slip.row + _BESIDE - 1) + 1]
+        pairs = [*itertools.product(before, after)]
+        features = self._matcher.keyframes.features
+        reachability, waypoints = self._matcher.match_pairs(
+            features([one.step for one, _ in pairs]), features([other.step for _, other in pairs])
+        )
+        seen = reachability > _RECOGNISED
+        if seen.sum() < _LEAST_PAIRS:
+            return False
+        there = relative(np.array([one.odometry for one, _ in pairs]), before[-1].odometry)
+        onward = relative(after[0].odometry, np.array([other.odometry for _, other in pairs]))
+        by_odometry, mended = (
+            relative(compose(compose(there, moved), onward), waypoints)[seen] for moved in (slip.moved, slip.truly)
+        )
+        before_d, after_d = distance(by_odometry), distance(mended)
+        if (after_d < before_d).mean() < _LEAST_SHARE or np.median(after_d) >= np.median(before_d):
+            return False
+        self.errors.append(mended)
+        return True
+
+
+def mend_slips(
+    observations: Sequence[Observation], matcher: Matcher, camera: CameraModel, progress: Callable[[float], None]
+) -> Sequence[Observation]:
+    """Return images with odometry corrected for wheel slips, also in the matcher's keyframes, which note it."""
+    keyframes = matcher.keyframes
+    check = SlipCheck(matcher)
+    mended = without_slips(observations, camera, keyframes.odometry_starts, check.confirms, progress)
+    if check.errors:
+        moved = odometry_of(mended) - odometry_of(observations)
+        slips = Correction.of("wheel slips", moved, np.concatenate(check.errors), count=len(check.errors))
+        keyframes.corrections.append(slips)
+    keyframes.correct(mended)
+    return mended

@@ -15,17 +15,7 @@ from ltvn_core.config import JudgingConfig
 from ltvn_core.geometry import distance, relative, wrap_angle
 from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.place_belief import LIKELY, SURE
-from ltvn_core.navigation.events import (
-    BY_IMAGE,
-    BY_PLACE,
-    BY_WAYPOINT,
-    Event,
-    NavigatorState,
-    Note,
-    Outcome,
-    Severity,
-    Tick,
-)
+from ltvn_core.navigation import events as e
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.query import QueryState, Survey
 from ltvn_core.types import Waypoint
@@ -34,18 +24,18 @@ TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 """Angle of the turn on the spot between two observations, and number of observations in a full turn."""
 
 
-def recover(query: QueryState, why: Outcome) -> EventGenerator[None]:
+def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
     """Turn on the spot to look again; finally give up.
 
     Raises:
         QueryAborted: If the robot has looked around often enough.
     """
-    yield from query.enter(NavigatorState.RECOVERING)
-    if query.consecutive_failures == 0 or why is Outcome.NO_PATH:
+    yield from query.enter(e.NavigatorState.RECOVERING)
+    if query.consecutive_failures == 0 or why is e.Outcome.NO_PATH:
         query.give_up_outcome = why
     query.consecutive_failures += 1
     query.plan = ()
-    if why is Outcome.LOST and query.perception.is_usable:
+    if why is e.Outcome.LOST and query.perception.is_usable:
         yield from _remember_novel(query)
     if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
         raise QueryAborted(query.give_up_outcome)
@@ -59,16 +49,16 @@ def turn_to_see(query: QueryState) -> EventGenerator[None]:
     """Turn as a lost robot does, but keep the plan, because localisation searches around it first."""
     plan = query.plan
     query.assumed_node = None  # After a turn the robot is no longer at the assumed node.
-    yield from recover(query, Outcome.LOST)
+    yield from recover(query, e.Outcome.LOST)
     query.plan = plan
 
 
-def turn(query: QueryState) -> Iterator[Event | Tick]:
+def turn(query: QueryState) -> Iterator[e.Event | e.Tick]:
     """Turn on the spot towards the direction of the next observation."""
     yield from query.driver.turn(TURN_RAD)
 
 
-def _remember_novel(query: QueryState) -> Iterator[Event]:
+def _remember_novel(query: QueryState) -> Iterator[e.Event]:
     """Offer an unrecognised image to the system, which may make it a node."""
     context = query.context
     perception = query.perception
@@ -110,10 +100,10 @@ def check_goal(query: QueryState) -> EventGenerator[Arrival | None]:
         return None
     p = query.places.probability_at(query.motion.odometry, query.goal, seen.waypoint)
     if p is None or (p > SURE and _looks_different_from_beside(query)):
-        return Arrival(BY_IMAGE, seen.reachability, seen.distance)
+        return Arrival(e.BY_IMAGE, seen.reachability, seen.distance)
     if p <= LIKELY:
         text = "The place looks like the goal, but the images of the whole query do not say so."
-        yield Note(text, Severity.WARN, rule=BY_PLACE)
+        yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
         return None
     return (yield from check_place(query))
 
@@ -126,12 +116,12 @@ def check_place(query: QueryState) -> EventGenerator[Arrival | None]:
     """
     if not query.context.system.follows_places:
         seen = query.perception.node_match(query.goal)
-        return Arrival(BY_WAYPOINT, seen.reachability, seen.distance)
+        return Arrival(e.BY_WAYPOINT, seen.reachability, seen.distance)
     yield from _survey(query)
     known = query.surveyed_waypoint(query.goal)
     if known is None or np.hypot(known[0], known[1]) > AT_TARGET_M or abs(wrap_angle(known[2])) > _AT_TARGET_RAD:
         return None
-    return Arrival(BY_PLACE, query.perception.node_match(query.goal).reachability, float(distance(known)))
+    return Arrival(e.BY_PLACE, query.perception.node_match(query.goal).reachability, float(distance(known)))
 
 
 def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
@@ -144,7 +134,7 @@ def _survey(query: QueryState) -> EventGenerator[None]:
     if query.is_surveyed:
         return
     if query.surveys >= _MOST_SURVEYS:
-        raise QueryAborted(Outcome.LOST)
+        raise QueryAborted(e.Outcome.LOST)
     query.surveys += 1
     expected = agreed = 0
     for _ in range(LOOKS_PER_TURN):
@@ -159,7 +149,7 @@ def _survey(query: QueryState) -> EventGenerator[None]:
     query.survey = Survey(query.motion.odometry, is_confirmed)
     if not is_confirmed:
         text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot localises anew."
-        yield Note(text, Severity.WARN, rule=BY_PLACE)
+        yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
         yield from query.driver.wander(_ONWARD_M)
         query.begin_anew()
 

@@ -21,15 +21,7 @@ from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.arrival import Arrival
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.events import (
-    Event,
-    NavigatorState,
-    Outcome,
-    QueryEnded,
-    QueryStarted,
-    StateChanged,
-    Tick,
-)
+from ltvn_core.navigation.events import Event, NavigatorState, Outcome, QueryEnded, QueryStarted, StateChanged, Tick
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.query import NavigationContext, QueryState

@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.cameras.depth_points import (
-    RELEVANT_RANGE_M,
-    are_solid,
-    depths_within,
-    points_within,
-    transform_points,
-)
+from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, are_solid, depths_within, points_within, transform_points
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, MOVING_POINTS, Bystanders, MovingObstacles

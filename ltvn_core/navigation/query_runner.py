@@ -18,6 +18,7 @@ from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
 from ltvn_core.graph.planner import GraphPath, with_blind_costs
 from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation import events as e
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.arrival import (
     AT_TARGET_M,
@@ -30,18 +31,6 @@ from ltvn_core.navigation.arrival import (
     turn_to_see,
 )
 from ltvn_core.navigation.attempt_driver import AttemptResult
-from ltvn_core.navigation.events import (
-    OBSTRUCTED_ENDS,
-    ActionBegun,
-    ActionEnded,
-    AttemptEnd,
-    AttemptEnded,
-    AttemptStarted,
-    Localised,
-    NavigatorState,
-    Outcome,
-    Planned,
-)
 from ltvn_core.navigation.learning import (
     AttemptVerdict,
     judge,
@@ -77,11 +66,11 @@ def run(query: QueryState) -> EventGenerator[Arrival]:
             continue
         localisation = yield from _localise(query)
         if localisation.node is None:
-            yield from recover(query, Outcome.LOST)
+            yield from recover(query, e.Outcome.LOST)
             continue
         path = yield from _plan(query, localisation.node)
         if not path.nodes:
-            yield from recover(query, Outcome.NO_PATH)
+            yield from recover(query, e.Outcome.NO_PATH)
             continue
         query.consecutive_failures = 0
         if _looks_first(query):
@@ -105,7 +94,7 @@ def _looks_first(query: QueryState) -> bool:
 
 def _localise(query: QueryState) -> EventGenerator[Localisation]:
     """Find the node the robot is at."""
-    yield from query.enter(NavigatorState.LOCALISING)
+    yield from query.enter(e.NavigatorState.LOCALISING)
     assumed, query.assumed_node = query.assumed_node, None
     if assumed is not None and assumed in query.context.graph.nodes:
         match = query.perception.node_match(assumed)
@@ -117,7 +106,7 @@ def _localise(query: QueryState) -> EventGenerator[Localisation]:
         features = query.perception.features
         prior = LocalisationPrior(query.plan, query.doubted, query.place())
         localisation = context.system.localise(features, context.graph, prior, context.matcher)
-    yield Localised(
+    yield e.Localised(
         query=query.number,
         frame=query.perception.observation.step,
         node=localisation.node,
@@ -133,7 +122,7 @@ def _localise(query: QueryState) -> EventGenerator[Localisation]:
 
 def _plan(query: QueryState, start: NodeId) -> EventGenerator[GraphPath]:
     """Find the cheapest path; if there is none, let the system extend the map."""
-    yield from query.enter(NavigatorState.PLANNING)
+    yield from query.enter(e.NavigatorState.PLANNING)
     context = query.context
     path = _plan_now(query, start)
     if (
@@ -147,7 +136,7 @@ def _plan(query: QueryState, start: NodeId) -> EventGenerator[GraphPath]:
         )
         path = _plan_now(query, start)
     query.plan = path.nodes
-    yield Planned(query.number, path.nodes, path.cost, query.place_p())
+    yield e.Planned(query.number, path.nodes, path.cost, query.place_p())
     return path
 
 
@@ -200,11 +189,11 @@ def _act(query: QueryState, edge: EdgeKey) -> EventGenerator[None]:
     Waiting does not count against the step limit, because a lift may take its time. Afterwards the robot is at the
     edge's target, though its wheels did not move. Without an action performer, every action fails at once.
     """
-    yield from query.enter(NavigatorState.ACTING)
+    yield from query.enter(e.NavigatorState.ACTING)
     query.reached = None
     action = query.context.graph.edges[edge].action
     performer = query.context.actions
-    yield ActionBegun(query.number, *edge, query.perception.observation.step, action)
+    yield e.ActionBegun(query.number, *edge, query.perception.observation.step, action)
     succeeded = False
     failure = "nobody performs actions here"
     try:
@@ -218,10 +207,10 @@ def _act(query: QueryState, edge: EdgeKey) -> EventGenerator[None]:
             failure = "" if succeeded else "it could not be done"
     except QueryAborted as over:
         frame = query.perception.observation.step
-        yield ActionEnded(query.number, *edge, frame, succeeded=False, reason=f"cut short: {over.outcome.value}")
+        yield e.ActionEnded(query.number, *edge, frame, succeeded=False, reason=f"cut short: {over.outcome.value}")
         raise
     frame = query.perception.observation.step
-    yield ActionEnded(query.number, *edge, frame, succeeded=succeeded, reason=failure)
+    yield e.ActionEnded(query.number, *edge, frame, succeeded=succeeded, reason=failure)
     if performer is not None:
         yield from query.apply(learn_from_action(query, edge, succeeded=succeeded))
     if not succeeded or query.count_drive(edge):
@@ -247,11 +236,11 @@ def _follow(query: QueryState, localisation: Localisation, path: GraphPath) -> E
         yield from query.motion.wait_one_step()
         return None
     result = yield from _drive(query, segment, node_match)
-    query.reached = target if source is None and result.end is AttemptEnd.REACHED else None
+    query.reached = target if source is None and result.end is e.AttemptEnd.REACHED else None
     if result.steps:
         return None
     yield from query.motion.wait_one_step()
-    if result.end is AttemptEnd.BLOCKED:
+    if result.end is e.AttemptEnd.BLOCKED:
         # The same attempt would be blocked again, so the robot turns to look for another way.
         yield from turn(query)
         return None
@@ -291,10 +280,10 @@ def _departure(query: QueryState, localisation: Localisation, segment: tuple[Nod
 def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch) -> EventGenerator[AttemptResult]:
     """Make one attempt and learn from it."""
     source, target = _ends(segment)
-    yield from query.enter(NavigatorState.DRIVING)
+    yield from query.enter(e.NavigatorState.DRIVING)
     attempt = next(query.context.attempt_numbers)
     frame = query.perception.observation.step
-    yield AttemptStarted(
+    yield e.AttemptStarted(
         query.number, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
     )
     try:
@@ -306,10 +295,10 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
             target, node_match.waypoint, is_known=is_known, around=query.nodes_around(LIKELY)
         )
     except QueryAborted as over:
-        end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
+        end = e.AttemptEnd.CANCELLED if over.outcome is e.Outcome.CANCELLED else e.AttemptEnd.TIMEOUT
         yield _ended(query, attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
         raise
-    yield from query.enter(NavigatorState.JUDGING)
+    yield from query.enter(e.NavigatorState.JUDGING)
     verdict = judge(query, segment, result)
     yield _ended(query, attempt, source, target, result.end, verdict)
     usable = yield from query.perception.can_compare()
@@ -320,17 +309,17 @@ def _drive(query: QueryState, segment: tuple[NodeId, ...], node_match: NodeMatch
     elif source is not None:
         # So that it is not driven without end; the map stays as it is.
         query.record_failures(itertools.pairwise(segment))
-    elif query.context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
+    elif query.context.system.follows_presence and result.end in e.OBSTRUCTED_ENDS:
         query.doubted.add(target)  # The way to the target is blocked, so the robot is probably not there.
     return result
 
 
 def _ended(
-    query: QueryState, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict
-) -> AttemptEnded:
+    query: QueryState, attempt: int, source: NodeId | None, target: NodeId, end: e.AttemptEnd, verdict: AttemptVerdict
+) -> e.AttemptEnded:
     seen = query.perception.node_match(target)
     frame = query.perception.observation.step
-    return AttemptEnded(
+    return e.AttemptEnded(
         query=query.number,
         attempt=attempt,
         source=source,

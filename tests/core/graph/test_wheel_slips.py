@@ -14,8 +14,7 @@ from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.corrections import from_config
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.slip_check import SlipCheck
-from ltvn_core.graph.wheel_slips import Slip, SlipTracker, find_slips, without_slips
+from ltvn_core.graph.wheel_slips import Slip, SlipCheck, SlipTracker, find_slips, without_slips
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT

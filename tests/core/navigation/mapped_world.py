@@ -10,12 +10,11 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
-from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.graph.operators import initial_belief, node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import Event
 from ltvn_core.navigation.navigator import Navigator

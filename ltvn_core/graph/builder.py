@@ -17,15 +17,14 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.build_progress import BuildProgress, BuildStage, ProgressCallback
 from ltvn_core.graph.corrections import Correction
-from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.newcomers import Newcomers
-from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.odometry_gate import Newcomers, OdometryGate
 from ltvn_core.graph.operators import (
     OperatorThresholds,
     connectable,
@@ -68,7 +67,10 @@ def build(
     """
     observations = usable_trajectory(observations, predictor, goals)
     shown = BuildProgress(method, len(observations), progress)
-    _encode(observations, keyframes, shown.of(BuildStage.ENCODING))
+    encoded = shown.of(BuildStage.ENCODING)
+    for first in range(0, len(observations), _ENCODED_AT_ONCE):
+        keyframes.add(observations[first : first + _ENCODED_AT_ONCE])
+        encoded(min(first + _ENCODED_AT_ONCE, len(observations)) / len(observations))
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
         observations = mend_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
@@ -93,12 +95,6 @@ def build(
     return deltas
 
 
-def _encode(observations: Sequence[Observation], keyframes: KeyframeStore, progress: Callable[[float], None]) -> None:
-    for first in range(0, len(observations), _ENCODED_AT_ONCE):
-        keyframes.add(observations[first : first + _ENCODED_AT_ONCE])
-        progress(min(first + _ENCODED_AT_ONCE, len(observations)) / len(observations))
-
-
 def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDelta], keyframes: KeyframeStore) -> None:
     """Note the edges that only odometry vouches for, with the error of odometry by the edges between recognised
     images."""
@@ -107,14 +103,11 @@ def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDe
         return
     seen = [delta.edge for delta in deltas if isinstance(delta, EdgeAdded) and not delta.edge.by_odometry]
     seen = [edge for edge in seen if keyframes.drive_of(edge.source) == keyframes.drive_of(edge.target)]
-    ends = [odometry_of([keyframes.observation(end) for end in part]) for part in zip(*map(_ends, seen), strict=True)]
-    errors = relative(np.array([edge.waypoint for edge in seen]), relative(*ends)) if seen else np.empty((0, 3))
+    sources = odometry_of([keyframes.observation(edge.source) for edge in seen])
+    targets = odometry_of([keyframes.observation(edge.target) for edge in seen])
+    errors = relative(np.array([edge.waypoint for edge in seen]).reshape(-1, 3), relative(sources, targets))
     lengths = np.array([edge.waypoint for edge in by_odometry])
     keyframes.corrections.append(Correction.of(what, lengths, errors, count=len(by_odometry)))
-
-
-def _ends(edge: Edge) -> tuple[NodeId, NodeId]:
-    return edge.source, edge.target
 
 
 class _Stage(IntEnum):
@@ -238,17 +231,13 @@ class _BuildRun:
             return
         self._grow(_Stage.SECOND, rng, progress)
         self._grow(_Stage.BRIDGES, rng, progress)
-        while chain := self._bridges_by_odometry():
+        rows = np.arange(len(self._images))
+        while chain := self._bridges.by_odometry(np.isin(rows, self._left), self._goals):
             for bridge in chain:
                 self._cross(bridge)
             crossed = self._rows(bridge.frame for bridge in chain)
             self._left = self._left[~np.isin(self._left, crossed)]
             self._grow(_Stage.BRIDGES, rng, progress)
-
-    def _bridges_by_odometry(self) -> tuple[Bridge, ...]:
-        is_left = np.zeros(len(self._images), bool)
-        is_left[self._left] = True
-        return self._bridges.by_odometry(is_left, self._goals)
 
     def _grow(self, stage: _Stage, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
         """Pass over the images until a pass adds no node; in the last stage, until a pass neither adds a node nor
@@ -298,7 +287,9 @@ class _BuildRun:
             ):
                 self._merge(seen.step, merging)
                 return True
-            self._remember(seen.step, found)
+            found = found.take(connectable(found, self._second_pass_thresholds))
+            known = self._known.get(seen.step)
+            self._known[seen.step] = found if known is None else known.concatenated(found)
         if seen.step in self._known and self._connected(row, stage):
             return True
         if stage is not _Stage.BRIDGES:
@@ -355,10 +346,6 @@ class _BuildRun:
         ordered = sorted(fresh, key=lambda node: abs(node - frame))
         yield tuple(ordered[:_NEAR_IN_TIME])
         yield self._matcher.promising(frame, ordered[_NEAR_IN_TIME:])
-
-    def _remember(self, frame: FrameId, found: Matches) -> None:
-        found = found.take(connectable(found, self._second_pass_thresholds))
-        self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
 
     def _merge(self, frame: FrameId, merging: Matches) -> None:
         self._merged[frame] = merging

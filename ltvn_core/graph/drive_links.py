@@ -34,6 +34,7 @@ _VOTE_EVERY = 4
 _SURE = 6
 """Number of images that must agree before the others are compared only with images that are near by their links."""
 _ENOUGH = 30
+"""Number of agreeing links beyond which more would hardly tell more."""
 _LEAST_AGREEING = 3
 """Least number of matches that must agree; fewer count as perceptual aliases."""
 
@@ -70,7 +71,7 @@ class DriveLinkSearch:
             if number and number % _VOTE_EVERY == 0:
                 links.vote(least=_SURE)
             if links.gate.knows(frame, met[0]):
-                if links.are_enough:
+                if len(links.agreed) >= _ENOUGH:
                     continue
                 links.add(surest_links(frame, links.gate.may_be_near(frame, met), *search, best=1))
             else:
@@ -91,11 +92,6 @@ class _Votes:
         """For each link the gate with this link only."""
         self._supporters: list[set[int]] = []
         """For each link the numbers of the links that agree with it, itself included."""
-
-    @property
-    def are_enough(self) -> bool:
-        """Whether more links would hardly tell more."""
-        return len(self.agreed) >= _ENOUGH
 
     def add(self, links: Sequence[DriveLink]) -> None:
         """Add links that were found."""

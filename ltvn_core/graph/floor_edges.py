@@ -138,15 +138,11 @@ def floor_edges(
     pairs = sorted(_pairs(graph, gate, floor, errors, method), key=lambda pair: pair.matches.distances[0])
     for number, pair in enumerate(pairs):
         progress(number / len(pairs))
-        if ways.are_shortened_by(pair) and _is_free(pair, floor, errors):
+        if not ways.are_shortened_by(pair) or errors.contradict(pair.source, pair.there.edge.target):
+            continue
+        if pair.is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m):
             ways.add(pair)
             yield from (pair.there, pair.back)
-
-
-def _is_free(pair: "_Pair", floor: FreeFloor, errors: CourseErrors) -> bool:
-    if errors.contradict(pair.source, pair.there.edge.target):
-        return False
-    return pair.is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -66,18 +66,19 @@ class FreeFloor:
         (stretch,), (pose,) = self._gate.placed(np.array([source]))
         others, places = self._gate.placed(targets)
         points = np.linspace(0, 1, _FEW + 2)[1:-1, None, None] * waypoints[:, :2]
-        seen = self._stretches[int(stretch)].grid.shows(transform_points(points.reshape(-1, 2), pose))
+        seen = self._stretches[int(stretch)].shows(transform_points(points.reshape(-1, 2), pose))
         seen = seen.reshape(_FEW, len(waypoints))
         for k in np.flatnonzero(others != stretch):
             there = compose(places[k], invert(waypoints[k]))
-            seen[:, k] |= self._stretches[int(others[k])].grid.shows(transform_points(points[:, k], there))
+            seen[:, k] |= self._stretches[int(others[k])].shows(transform_points(points[:, k], there))
         return np.logical_and.reduce(seen, axis=0)
 
     def joins(self, source: NodeId, target: Matches, *, error_m: float = 0.0) -> bool:
         """Tell whether images around both ends saw the straight line from a node to the only target free, with no
         obstacle near it; an error of the target's place needs more room."""
         clear_m = self._space.radius_m + float(np.hypot(_MARGIN_M, error_m / 2))
-        way = _along(target.waypoints[0, :2])
+        end = target.waypoints[0, :2]
+        way = np.linspace(0, 1, max(int(np.hypot(*end) / _SPACING_M), 1) + 1)[:, None] * end
         (number,), (pose,) = self._gate.placed(self._gate.rows([source]))
         stretch = self._stretches[int(number)]
         line = transform_points(way, pose)
@@ -96,7 +97,7 @@ class FreeFloor:
         # A thing blocks the way however long ago it was seen.
         others = (self._stretch_of[images] != number) & np.isfinite(path_m)
         things = [transform_points(self._things[k], at) for k, at in zip(images[others], poses[others], strict=True)]
-        return not any(_least_m(way, each) <= clear_m for each in things)
+        return not any((np.linalg.norm(way[:, None] - each, axis=-1) <= clear_m).any() for each in things)
 
     def _elsewhere(self, source: NodeId) -> "_Elsewhere":
         """Return the images of other stretches that a line from a node may pass."""
@@ -111,16 +112,17 @@ class FreeFloor:
     def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
         """Return what N images of one stretch at poses (N, 3) show."""
         things = [transform_points(self._things[k], pose) for k, pose in zip(images, poses, strict=True)]
-        return _Stretch(images, poses[:, :2], self._grid(images, poses), KDTree(_thinned(np.concatenate(things))))
+        return _Stretch(images, poses[:, :2], self._floor(images, poses), KDTree(_thinned(np.concatenate(things))))
 
-    def _grid(self, images: NDArray[np.intp], poses: Pose) -> "_FloorGrid":
-        """Return the floor that N images of one stretch at poses (N, 3) saw free."""
+    def _floor(self, images: NDArray[np.intp], poses: Pose) -> NDArray[np.int64]:
+        """Return the keys (K,) of the cells that N images of one stretch at poses (N, 3) saw free, and of those beside
+        them."""
         keys = np.empty(0, np.int64)
         for first in range(0, len(images), _MERGED_AT_ONCE):
             rows = range(first, min(first + _MERGED_AT_ONCE, len(images)))
             keys = np.unique(np.concatenate([keys, *(self._free_cells(images[row], poses[row]) for row in rows)]))
         beside = cell_keys(np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2))
-        return _FloorGrid(np.unique(keys[:, None] + beside))
+        return np.unique(keys[:, None] + beside)
 
     def _free_cells(self, image: np.intp, pose: Pose) -> NDArray[np.int64]:
         """Return the keys (K,) of the cells that one image at a pose (3,) saw free."""
@@ -157,26 +159,19 @@ class _Stretch(NamedTuple):
     """(N,) numbers of the images."""
     places: NDArray[np.float64]
     """(N, 2) places of the images."""
-    grid: "_FloorGrid"
+    floor: NDArray[np.int64]
+    """(K,) sorted keys of the cells of floor that was seen free, one cell wider than seen; it grows with the floor."""
     things: KDTree
     """Solid points (M, 2) of all images."""
-
-    def blocks(self, line: NDArray[np.float64], clear_m: float) -> bool:
-        """Tell whether an image shows a solid point near a line (S, 2)."""
-        return bool(self.things.n) and bool((self.things.query(line)[0] <= clear_m).any())
-
-
-class _FloorGrid(NamedTuple):
-    """Floor that was seen free, in cells of `_CELL_M`, one cell wider than seen; its memory grows with the floor."""
-
-    keys: NDArray[np.int64]
-    """(K,) sorted keys of the cells."""
 
     def shows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell (M,) which points (M, 2) in the odometry frame were seen free."""
         asked = cell_keys(_cells(points))
-        place = np.searchsorted(self.keys, asked)
-        return np.append(self.keys, np.iinfo(np.int64).max)[place] == asked
+        return np.append(self.floor, np.iinfo(np.int64).max)[np.searchsorted(self.floor, asked)] == asked
+
+    def blocks(self, line: NDArray[np.float64], clear_m: float) -> bool:
+        """Tell whether an image shows a solid point near a line (S, 2)."""
+        return bool(self.things.n) and bool((self.things.query(line)[0] <= clear_m).any())
 
 
 def _cells(points: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -197,14 +192,3 @@ def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return one of the points (M, 2) in each square of `_THING_M`."""
     _, kept = np.unique(cell_keys(np.round(points / _THING_M).astype(np.int64)), return_index=True)
     return points[kept]
-
-
-def _least_m(line: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the least distance in metres between points of a line (S, 2) and other points (M, 2); inf without any."""
-    return float(np.linalg.norm(line[:, None] - points, axis=-1).min(initial=np.inf))
-
-
-def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (S, 2) on the straight line from the origin to an end (2,)."""
-    count = max(int(np.hypot(*end) / _SPACING_M), 1) + 1
-    return np.linspace(0, 1, count)[:, None] * end

@@ -89,7 +89,8 @@ class LoopClosureVerifier:
         first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
         if len(first) < _MIN_PAIRS:
             return True
-        agreed = self._pairs_agree(here.features[first], there.features[second], expected)
+        reachability, waypoints = self._matcher.match_pairs(here.features[first], there.features[second])
+        agreed = agree(expected, waypoints, _GAP) & (reachability > _MIN_REACHABILITY)
         return bool(agreed.mean() >= _MIN_SHARE)
 
     def _sequence_around(self, frame: FrameId) -> ObservationSequence:
@@ -103,12 +104,6 @@ class LoopClosureVerifier:
             relative(self._keyframes.observation(frame).odometry, odometry),
             np.array(tilts).reshape(-1, 2) if len(tilts) == len(seen) else None,
         )
-
-    def _pairs_agree(self, first: Features, second: Features, expected: Waypoint) -> NDArray[np.bool_]:
-        """Tell for P pairs of images whether the network confirms their expected relative poses (P, 3) in either
-        direction."""
-        reachability, waypoints = self._matcher.match_pairs(first, second)
-        return agree(expected, waypoints, _GAP) & (reachability > _MIN_REACHABILITY)
 
 
 def _expected_overlaps(

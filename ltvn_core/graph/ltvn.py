@@ -91,17 +91,14 @@ class OnlineBuilder:
         found = self._matcher.match(self._keyframes.features([frame]), tuple(self._graph.nodes))
         merging = nearest_mergeable(frame, found, self._matcher, self._thresholds)
         if merging is not None:
-            self._remember_merged(frame, merging)
+            self._merged[frame] = merging
+            if len(self._merged) > BRIDGES_TRIED:
+                del self._merged[next(iter(self._merged))]
             return []
         chosen = self._loop_closures.connections(frame, found, self._thresholds)
         if not len(chosen):
             return self._bridged(frame)
         return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
-
-    def _remember_merged(self, frame: FrameId, merging: Matches) -> None:
-        self._merged[frame] = merging
-        if len(self._merged) > BRIDGES_TRIED:
-            del self._merged[next(iter(self._merged))]
 
     def _bridged(self, frame: FrameId) -> list[GraphDelta]:
         """Return the deltas that join a frame through a merged image, see `graph.bridges`; without such an image, keep

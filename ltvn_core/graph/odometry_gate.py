@@ -83,7 +83,11 @@ class OdometryGate:
         self._path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
         frames = np.array([seen.step for seen in ordered])
         self._drive = np.searchsorted(np.sort([*drive_starts]), frames, side="right")
-        self._moves = _moves(self._poses, self._drive)
+        self._moves = np.zeros(len(ordered), bool)
+        """(N,) whether each image belongs to a drive whose odometry changes."""
+        for number in np.unique(self._drive):
+            own = self._drive == number
+            self._moves[own] = bool(np.ptp(self._poses[own], axis=0).any())
         breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
         steps = zip(_RUN_LENGTHS, (*_RUN_LENGTHS[1:], 1), strict=True)
@@ -120,18 +124,14 @@ class OdometryGate:
             if self._remembered > _MOST_ROWS_REMEMBERED:
                 self._near.clear()
                 self._remembered = 0
-            near = self._around(row)
-            self._near[row] = near
-            self._remembered += len(near)
+            rows = self._runs[0].first
+            for runs in self._runs:
+                numbers = np.searchsorted(runs.first, rows)
+                near = self._may_lie_near(row, rows, runs.radius_m[numbers], runs.driven_m[numbers])
+                rows = runs.members(numbers[near])
+            self._near[row] = rows[self._may_lie_near(row, rows)].astype(np.int32)
+            self._remembered += len(self._near[row])
         return self._near[row]
-
-    def _around(self, row: int) -> NDArray[np.int32]:
-        rows = self._runs[0].first
-        for runs in self._runs:
-            numbers = np.searchsorted(runs.first, rows)
-            near = self._may_lie_near(row, rows, runs.radius_m[numbers], runs.driven_m[numbers])
-            rows = runs.members(numbers[near])
-        return rows[self._may_lie_near(row, rows)].astype(np.int32)
 
     def _may_lie_near(
         self,
@@ -359,9 +359,39 @@ class _ShortestWays:
         return self._from_end[end]
 
 
-def _moves(poses: Pose, drive: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return (N,) whether each image belongs to a drive whose odometry changes."""
-    moves = np.zeros(len(poses), bool)
-    for number in np.unique(drive):
-        moves[drive == number] = bool(np.ptp(poses[drive == number], axis=0).any())
-    return moves
+class Newcomers:
+    """The images that enter a part of a map one after the other, by their rows in the gate, and who met whom.
+
+    Two images that odometry places far apart never meet, so meeting costs as much as there are images nearby.
+    """
+
+    def __init__(self, gate: OdometryGate, waiting: NDArray[np.bool_]) -> None:
+        """Start empty; `waiting` (N,) becomes true for each image to which a newcomer may be near, until they meet."""
+        self._gate = gate
+        self._waiting = waiting
+        self._number = np.zeros(len(waiting), np.intp)
+        """(N,) 1 for the first newcomer, 2 for the second; 0 for images outside."""
+        self._met = np.zeros(len(waiting), np.intp)
+        """(N,) number of the last newcomer that each image met, or was too far away from to meet."""
+        self._last = 0
+
+    def enter(self, row: int) -> None:
+        """Let an image in."""
+        self._last += 1
+        self._number[row] = self._last
+        self._waiting[self._gate.near_rows(row)] = True
+
+    def leave(self, row: int) -> None:
+        """Let an image out."""
+        self._number[row] = 0
+
+    def met_by(self, row: int) -> NDArray[np.int32]:
+        """Return the images (K,) inside, in the order in which they came, that an image meets now for the first time.
+
+        Images that are surely too far away are left out.
+        """
+        near = self._gate.near_rows(row)
+        fresh = near[self._number[near] > self._met[row]]
+        self._met[row] = self._last
+        self._waiting[row] = False
+        return fresh[np.argsort(self._number[fresh])]

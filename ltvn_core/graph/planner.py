@@ -118,11 +118,13 @@ class Planner:
             return NO_PATH
         if source == goal:
             return GraphPath((source,), 0.0)
-        penalised = self._penalise(penalties or {})
+        penalties = {key: cost for key, cost in (penalties or {}).items() if key in self._graph.edges}
+        for key, cost in penalties.items():
+            self._set_cost(key, self._weight(self._graph.edges[key].belief) + cost)
         try:
             return self._dijkstra(source, goal)
         finally:
-            for key in penalised:
+            for key in penalties:
                 self._set_cost(key, self._weight(self._graph.edges[key].belief))
 
     def _dijkstra(self, source: NodeId, goal: NodeId) -> GraphPath:
@@ -134,12 +136,6 @@ class Planner:
         steps = list(found[end])
         cost = sum(self._mirror.get_edge_data(a, b) for a, b in itertools.pairwise(steps))
         return GraphPath(tuple(self._mirror[k] for k in steps), cost) if math.isfinite(cost) else NO_PATH
-
-    def _penalise(self, penalties: Mapping[EdgeKey, float]) -> list[EdgeKey]:
-        present = [key for key in penalties if key in self._graph.edges]
-        for key in present:
-            self._set_cost(key, self._weight(self._graph.edges[key].belief) + penalties[key])
-        return present
 
     def _set_cost(self, key: EdgeKey, cost: float) -> None:
         self._mirror.update_edge(self._index[key[0]], self._index[key[1]], cost)

@@ -312,13 +312,12 @@ class AttemptDriver:
         """Drive straight on at half speed while the path is free; stop when a person approaches."""
         ahead = Twist(self._config.speed_m_s / 2, 0.0)
         if self.avoid_obstacles(ahead, length_m) == ahead:
-            yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=self._nobody_comes)
 
-    def _nobody_comes(self) -> bool:
-        if not self.obstacles.people_are_about(self._motion.stamp):
-            return True
-        ahead = Twist(self._config.speed_m_s / 2, 0.0)
-        return self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
+            def nobody_comes() -> bool:
+                is_alone = not self.obstacles.people_are_about(self._motion.stamp)
+                return is_alone or self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
+
+            yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=nobody_comes)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         if self.obstacles.people_are_about(self._motion.stamp):

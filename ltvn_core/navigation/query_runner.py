@@ -106,17 +106,9 @@ def _localise(query: QueryState) -> EventGenerator[Localisation]:
         features = query.perception.features
         prior = LocalisationPrior(query.plan, query.doubted, query.place())
         localisation = context.system.localise(features, context.graph, prior, context.matcher)
-    yield e.Localised(
-        query=query.number,
-        frame=query.perception.observation.step,
-        node=localisation.node,
-        distance=localisation.distance,
-        reachability=localisation.reachability,
-        runner_up=localisation.runner_up,
-        margin=localisation.margin,
-        scope=localisation.scope,
-        probability=localisation.probability,
-    )
+    seen = localisation._asdict()
+    del seen["waypoint"]
+    yield e.Localised(query.number, query.perception.observation.step, **seen)
     return localisation
 
 
@@ -318,20 +310,8 @@ def _ended(
     query: QueryState, attempt: int, source: NodeId | None, target: NodeId, end: e.AttemptEnd, verdict: AttemptVerdict
 ) -> e.AttemptEnded:
     seen = query.perception.node_match(target)
-    frame = query.perception.observation.step
-    return e.AttemptEnded(
-        query=query.number,
-        attempt=attempt,
-        source=source,
-        target=target,
-        frame=frame,
-        end=end,
-        distance=seen.distance,
-        reachability=seen.reachability,
-        succeeded=verdict.succeeded,
-        reason=verdict.reason,
-        rule=verdict.rule,
-    )
+    attempted = query.number, attempt, source, target, query.perception.observation.step, end
+    return e.AttemptEnded(*attempted, seen.distance, seen.reachability, verdict.succeeded, verdict.reason, verdict.rule)
 
 
 def _ends(segment: Sequence[NodeId]) -> tuple[NodeId | None, NodeId]:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.config import LocalisingConfig
-from ltvn_core.geometry import distance, wrap_angle
+from ltvn_core.geometry import agree, distance, wrap_angle
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
+from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Pose, Waypoint
 
@@ -120,7 +120,7 @@ class Localiser:
         """Compare an image (1, F) with nodes; r is 0 where a node is not seen about where it is expected."""
         found = self._matcher.match(features, nodes)
         expected = np.array([place.nodes[node] for node in found.nodes])
-        return found.with_reachability(found.reachability * is_where_expected(expected, found.waypoints, AT_PLACE))
+        return found.with_reachability(found.reachability * agree(expected, found.waypoints, AT_PLACE))
 
     def _best_among(self, nodes: Sequence[NodeId], features: Features, scope: str) -> Localisation:
         matches = self._matcher.match(features, nodes)

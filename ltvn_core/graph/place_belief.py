@@ -48,7 +48,8 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
     edges = np.array([(row_of[source], row_of[target]) for source, target in driven], np.intp).reshape(-1, 2)
     waypoints = np.array([edge.waypoint for edge in driven.values()]).reshape(-1, 3)
     fit = agree(relative(poses[edges[:, 0]], poses[edges[:, 1]]), waypoints, SAME_POSE)
-    part_of = _components(len(nodes), edges[fit])
+    joined = coo_array((np.ones(fit.sum()), (edges[fit, 0], edges[fit, 1])), shape=(len(nodes), len(nodes)))
+    part_of = np.asarray(connected_components(joined, directed=False)[1], np.intp)
     between = part_of[edges[:, 0]] != part_of[edges[:, 1]]
     frames = _frames(poses, part_of, edges[between], waypoints[between])
     return NodeLayout(nodes, compose(frames[part_of], poses))
@@ -95,11 +96,6 @@ def _joint(poses: Pose, edges: Rows, waypoints: Waypoint) -> tuple[Pose, int]:
     count = agree(compose(frames[:, None], poses[edges[:, 1]][None]), seen[None], SAME_POSE).sum(axis=1)
     best = int(np.argmax(count))
     return frames[best], int(count[best])
-
-
-def _components(count: int, edges: Rows) -> Rows:
-    joined = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(joined, directed=False)[1], np.intp)
 
 
 FloatArray = NDArray[np.float64]
@@ -157,7 +153,7 @@ class BelievedPlace(NamedTuple):
         if self.probability <= probability or not self.is_recognised:
             return False
         known = self.nodes.get(node)
-        return known is None or not is_where_expected(known, waypoint, AT_PLACE)
+        return known is None or not agree(known, waypoint, AT_PLACE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -280,7 +276,7 @@ class PlaceBelief:
         near = apart < _OVERLAP_M
         match = self._matches_of(matches)[row]
         recognised = (match >= 0) & (matches.reachability[match] > _MIN_REACHABILITY)
-        agrees = near & recognised & is_where_expected(expected, matches.waypoints[match])
+        agrees = near & recognised & agree(expected, matches.waypoints[match], SAME_POSE)
         says = np.full(count, _NOTHING_NEAR)
         says[place[near]] = _DISAGREES
         np.maximum.at(says, place[agrees], self._log_ratios(matches.reachability[match[agrees]]))
@@ -338,14 +334,6 @@ class PlaceBelief:
 def _log_odds(p: ArrayLike) -> FloatArray:
     p = np.clip(np.asarray(p, np.float64), 1e-6, 1 - 1e-6)
     return np.asarray(np.log(p / (1 - p)), np.float64)
-
-
-def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = SAME_POSE) -> NDArray[np.bool_]:
-    """Return a mask (...) of the nodes seen about where they are expected, from their poses (..., 3).
-
-    `limits` are the largest differences in m and rad.
-    """
-    return agree(expected, seen, limits)
 
 
 def _pairs(found: NDArray[np.object_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -16,7 +16,7 @@ from ltvn_core.geometry import distance, relative, wrap_angle
 from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation import events as e
-from ltvn_core.navigation.motion import EventGenerator, QueryAborted
+from ltvn_core.navigation.perception import EventGenerator, QueryAborted
 from ltvn_core.navigation.query import QueryState, Survey
 from ltvn_core.types import Waypoint
 

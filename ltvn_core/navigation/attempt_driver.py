@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, map_points, transform_points
 from ltvn_core.config import DrivingConfig
-from ltvn_core.geometry import compose, invert, relative, wrap_angle
-from ltvn_core.graph.place_belief import is_where_expected
+from ltvn_core.geometry import agree, compose, invert, relative, wrap_angle
+from ltvn_core.graph.place_belief import SAME_POSE
 from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
-from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
-from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.perception import MotionExecutor, Perception
 from ltvn_core.navigation.steering import (
     REACHED_M,
     TURN_RAD_S,
@@ -128,7 +127,7 @@ class AttemptDriver:
                 expected = relative(motion.odometry, goal)
                 if not is_known:
                     goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
-                elif is_where_expected(expected, node_match.waypoint):
+                elif agree(expected, node_match.waypoint, SAME_POSE):
                     goal = compose(motion.odometry, node_match.waypoint)
             twist = self._next(goal)
             if twist is AttemptEnd.BLOCKED and self._waits_for_somebody():

@@ -22,8 +22,7 @@ from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.arrival import Arrival
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, NavigatorState, Outcome, QueryEnded, QueryStarted, StateChanged, Tick
-from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
-from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.perception import MotionExecutor, Perception, QueryAborted
 from ltvn_core.navigation.query import NavigationContext, QueryState
 from ltvn_core.navigation.query_runner import run
 from ltvn_core.robots.robot import Robot

@@ -24,8 +24,7 @@ from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import GraphChanged, NavigatorState, Outcome, StateChanged
-from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception, PlaceTracker
+from ltvn_core.navigation.perception import MotionExecutor, Perception, PlaceTracker
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId, Pose, Waypoint
 

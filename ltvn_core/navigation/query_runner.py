@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ltvn_core.geometry import compose
+from ltvn_core.geometry import agree, compose
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
+from ltvn_core.graph.place_belief import LIKELY, SAME_POSE, SURE
 from ltvn_core.graph.planner import GraphPath, with_blind_costs
 from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -38,9 +38,8 @@ from ltvn_core.navigation.learning import (
     learn_from_attempt,
     look_for_obstacles,
 )
-from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.obstruction_finder import departure
-from ltvn_core.navigation.perception import NodeMatch
+from ltvn_core.navigation.perception import EventGenerator, NodeMatch, QueryAborted
 from ltvn_core.navigation.query import MOST_OBSTRUCTIONS, QueryState
 from ltvn_core.types import NodeId
 
@@ -255,7 +254,7 @@ def _departure(query: QueryState, localisation: Localisation, segment: tuple[Nod
         return node_match
     known = query.known_waypoint(target, LIKELY)
     looks_reachable = node_match.reachability >= driving.departure_reachability
-    if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
+    if known is not None and not (looks_reachable and agree(known, node_match.waypoint, SAME_POSE)):
         return node_match.with_waypoint(known)
     if looks_reachable or source is None:
         return node_match

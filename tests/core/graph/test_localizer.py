@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
-from ltvn_core.geometry import distance, relative
+from ltvn_core.geometry import agree, distance, relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import (
@@ -19,7 +19,7 @@ from ltvn_core.graph.localiser import (
 )
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_from_observation
-from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
+from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, Prediction
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
@@ -143,7 +143,7 @@ def test_at_a_believed_place_comparing_few_nodes_finds_what_comparing_all_finds(
     fix = Localiser(matcher, ROBUST.localising).localise(features, graph, LocalisationPrior(place=place))
 
     found = matcher.match(features, tuple(range(150)))
-    agrees = is_where_expected(expected, found.waypoints, AT_PLACE) & near_enough(found, ROBUST.localising)
+    agrees = agree(expected, found.waypoints, AT_PLACE) & near_enough(found, ROBUST.localising)
     scores = np.where(agrees, distance(expected) - 0.5 * np.log(found.reachability), np.inf)
     first, second = np.argsort(scores)[:2]
     assert np.count_nonzero(agrees) > 8

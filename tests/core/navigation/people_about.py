@@ -13,8 +13,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.perception import MotionExecutor, Perception
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, Pose, Twist

@@ -10,8 +10,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.events import AttemptEnd
-from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.perception import MotionExecutor, Perception
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import NodeId, Pose, Twist, Waypoint
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room

@@ -16,9 +16,8 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.navigation.perception import PassiveLocaliser, Perception
+from ltvn_core.navigation.perception import MotionExecutor, PassiveLocaliser, Perception
 from ltvn_core.navigation.query import NavigationContext, QueryState
 from ltvn_core.types import Features, Prediction
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room, tour

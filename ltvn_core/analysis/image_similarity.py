@@ -1,7 +1,7 @@
 """Which nodes resemble an image without depth, such as an upload.
 
 Owns a plain comparison of small, normalised colour images. The network is not used, because it needs depth; images with
-depth are ranked better by `Localiser.nearest_nodes`.
+depth are ranked better by `graph.localiser.nearest_nodes`.
 """
 
 from collections.abc import Sequence

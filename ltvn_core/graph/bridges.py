@@ -25,8 +25,6 @@ _BESIDE = 4
 """An image joined by odometry must be recognised from one of this many left-over images before or after it."""
 _MOST_HOPS = 12
 """Largest number of edges, about ten metres of driving, over which odometry is followed to a left-over image."""
-
-
 _BROKEN = 1e6
 """Length of a step at which odometry breaks off, larger than any reach."""
 
@@ -92,7 +90,9 @@ class BridgeSearch:
             is_useful = frame in goals
             if not is_useful:
                 self._is_judged[row] = True
-                self._asked[frame] = self._beside(frame, left)
+                first = max(row - _BESIDE, 0)
+                beside = first + np.flatnonzero(left[first : row + 1 + _BESIDE])
+                self._asked[frame] = beside[beside != row]
                 is_useful = self._recognised(frame, self._asked[frame]) is not None
             if is_useful and (chain := self._chain(frame, left, step)):
                 return chain
@@ -135,13 +135,6 @@ class BridgeSearch:
             if not left[row]:
                 return
             row += step
-
-    def _beside(self, frame: FrameId, left: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return the rows of left-over images shortly before and after a frame, without itself."""
-        row = self._row[frame]
-        first = max(row - _BESIDE, 0)
-        rows = first + np.flatnonzero(left[first : row + 1 + _BESIDE])
-        return rows[rows != row]
 
     def _recognised(self, frame: FrameId, rows: NDArray[np.integer[Any]]) -> Bridge | None:
         """Return the bridge from an image to the most reachable one of those in some rows; None if none is."""

@@ -164,22 +164,17 @@ def surest_links(
 
 
 def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
-    """Return images of a drive that lie apart by odometry, evenly spread and limited in number.
+    """Return images of a drive that lie apart by odometry and tilt, evenly spread and limited in number.
 
     All images of a drive without odometry count as apart.
     """
     kept = list(drive[:1])
     for seen in drive[1:]:
-        if _gap(kept[-1], seen) >= _APART:
+        gap = float(distance(relative(kept[-1].odometry, seen.odometry)))
+        if kept[-1].tilt is not None and seen.tilt is not None:
+            gap = math.hypot(gap, float(tilt_distance(kept[-1].tilt, seen.tilt)))
+        if gap >= _APART:
             kept.append(seen)
     kept = kept if len(kept) > 1 else list(drive)
     rows = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), most)).astype(int)).tolist()
     return [kept[row].step for row in rows]
-
-
-def _gap(first: Observation, second: Observation) -> float:
-    """Return the distance d between two images of a drive, by odometry and by the camera's tilt."""
-    gap = float(distance(relative(first.odometry, second.odometry)))
-    if first.tilt is None or second.tilt is None:
-        return gap
-    return math.hypot(gap, float(tilt_distance(first.tilt, second.tilt)))

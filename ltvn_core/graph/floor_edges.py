@@ -140,7 +140,8 @@ def floor_edges(
         progress(number / len(pairs))
         if not ways.are_shortened_by(pair) or errors.contradict(pair.source, pair.there.edge.target):
             continue
-        if pair.is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m):
+        is_one_place = np.hypot(*pair.matches.waypoints[0, :2]) <= _PLACE_M
+        if is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m):
             ways.add(pair)
             yield from (pair.there, pair.back)
 
@@ -162,11 +163,6 @@ class _Pair:
     def source(self) -> NodeId:
         """The first node."""
         return self.there.edge.source
-
-    @property
-    def is_one_place(self) -> bool:
-        """Whether the two nodes are so close that nothing fits between them."""
-        return bool(np.hypot(*self.matches.waypoints[0, :2]) <= _PLACE_M)
 
 
 def _pairs(

@@ -112,7 +112,7 @@ class FreeFloor:
     def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
         """Return what N images of one stretch at poses (N, 3) show."""
         things = [transform_points(self._things[k], pose) for k, pose in zip(images, poses, strict=True)]
-        return _Stretch(images, poses[:, :2], self._floor(images, poses), KDTree(_thinned(np.concatenate(things))))
+        return _Stretch(images, poses[:, :2], self._floor(images, poses), KDTree(thinned(np.concatenate(things))))
 
     def _floor(self, images: NDArray[np.intp], poses: Pose) -> NDArray[np.int64]:
         """Return the keys (K,) of the cells that N images of one stretch at poses (N, 3) saw free, and of those beside
@@ -185,10 +185,10 @@ def _read(seen: Observation, camera: CameraModel, space: NeededSpace) -> tuple[D
     """
     points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, RANGE_M, every=1)
     scan = DepthScan.of(camera, seen.stamp, np.zeros(3), points, space.height_m)
-    return scan, _thinned(points[are_solid(points, space.height_m), :2])
+    return scan, thinned(points[are_solid(points, space.height_m), :2])
 
 
-def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one of the points (M, 2) in each square of `_THING_M`."""
-    _, kept = np.unique(cell_keys(np.round(points / _THING_M).astype(np.int64)), return_index=True)
+def thinned(points: NDArray[np.float64], side_m: float = _THING_M) -> NDArray[np.float64]:
+    """Return one of the points (M, 2) in each square of this side, in metres."""
+    _, kept = np.unique(cell_keys(np.round(points / side_m).astype(np.int64)), return_index=True)
     return points[kept]

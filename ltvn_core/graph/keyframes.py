@@ -32,20 +32,16 @@ class FeatureRows:
 
     def __init__(self, like: Features) -> None:
         """Start with rows of the shape and dtype of `like` (F,)."""
-        self._array: Features = np.empty((_FIRST_ROWS, *like.shape), like.dtype)
-        self._file: IO[bytes] | None = None
-
-    @property
-    def array(self) -> Features:
+        self.array: Features = np.empty((_FIRST_ROWS, *like.shape), like.dtype)
         """All rows (M, F), read-only; rows that were not written yet are undefined."""
-        return self._array
+        self._file: IO[bytes] | None = None
 
     def put(self, place: int, row: Features) -> None:
         """Write one row (F,). Raises OSError if the disk is full."""
-        while place >= len(self._array):
+        while place >= len(self.array):
             self._grow()
         if self._file is None:
-            self._array[place] = row
+            self.array[place] = row
             return
         # Written to the file and not through the memory map, because there a full disk would kill the process.
         self._file.seek(place * row.nbytes)
@@ -54,17 +50,17 @@ class FeatureRows:
 
     def _grow(self) -> None:
         """Double the capacity, so that the total cost of growing is linear."""
-        count = 2 * len(self._array)
-        if self._array.dtype.hasobject or 2 * self._array.nbytes <= MOST_IN_MEMORY:
-            self._array = np.concatenate([self._array, np.empty_like(self._array)])
+        count = 2 * len(self.array)
+        if self.array.dtype.hasobject or 2 * self.array.nbytes <= MOST_IN_MEMORY:
+            self.array = np.concatenate([self.array, np.empty_like(self.array)])
             return
         if self._file is None:
             self._file = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the rows)
             weakref.finalize(self, self._file.close)
-            self._file.write(self._array.tobytes())
-        self._file.truncate(2 * self._array.nbytes)
-        shape = (count, *self._array.shape[1:])
-        self._array = np.asarray(np.memmap(self._file, self._array.dtype, "r", shape=shape))
+            self._file.write(self.array.tobytes())
+        self._file.truncate(2 * self.array.nbytes)
+        shape = (count, *self.array.shape[1:])
+        self.array = np.asarray(np.memmap(self._file, self.array.dtype, "r", shape=shape))
 
 
 ODOMETRY_JUMP = 1.5

@@ -65,74 +65,64 @@ class Localisation(NamedTuple):
     """Probability of the place among all hypotheses; None without hypotheses."""
 
 
-class Localiser:
-    """Compares the current image with the map."""
+def localise(
+    features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher, *, config: LocalisingConfig
+) -> Localisation:
+    """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
+    if prior.place is not None:
+        return _at_place(prior.place, features, prior, matcher, config)
 
-    def __init__(self, matcher: Matcher, config: LocalisingConfig) -> None:
-        """Localise with `matcher`."""
-        self._matcher = matcher
-        self._config = config
+    def best_among(nodes: Sequence[NodeId], scope: str) -> Localisation:
+        found = matcher.match(features, nodes)
+        return best_localisation(found, found.distances, near_enough(found, config), scope)
 
-    def localise(
-        self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior = NO_PRIOR
-    ) -> Localisation:
-        """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
-        if prior.place is not None:
-            return self._at_place(prior.place, features, prior)
-        nearby = [node for node in plan_neighbourhood(graph, prior.plan) if node not in prior.doubted]
-        if nearby:
-            localisation = self._best_among(nearby, features, LOCAL)
-            if localisation.node is not None:
-                return localisation
-        return self._best_among(prior.candidates(graph), features, GLOBAL)
+    nearby = [node for node in plan_neighbourhood(graph, prior.plan) if node not in prior.doubted]
+    local = best_among(nearby, LOCAL) if nearby else None
+    return local if local is not None and local.node is not None else best_among(prior.candidates(graph), GLOBAL)
 
-    def _at_place(self, place: BelievedPlace, features: Features, prior: LocalisationPrior) -> Localisation:
-        """Return the best of the nodes around a place, among those seen about where they are expected.
 
-        The distances of the nodes are taken from the place, not from the image, because a corridor looks the same one
-        metre farther on.
-        """
-        away = {node: float(distance(pose)) for node, pose in self._near_place(place, prior).items()}
-        nodes = sorted(away, key=away.__getitem__)
-        found, scores, passing = self._matcher.match(features, ()), np.empty(0), np.empty(0, bool)
-        for start in range(0, len(nodes), _ASKED_AT_ONCE):
-            second_best = np.partition(scores[passing], 1)[1] if np.count_nonzero(passing) > 1 else np.inf
-            if away[nodes[start]] >= second_best:
-                break  # No score is below the node's distance, so neither the best nor the runner-up can change.
-            asked = self._where_expected(place, features, nodes[start : start + _ASKED_AT_ONCE])
-            found = found.concatenated(asked)
-            scores = np.array([away[node] for node in found.nodes]) + _DOUBT_AT_PLACE * doubt(found.reachability)
-            passing = near_enough(found, self._config)
-        best = best_localisation(found, scores, passing, LOCAL)
-        return best._replace(probability=place.probability)
+def _at_place(
+    place: BelievedPlace, features: Features, prior: LocalisationPrior, matcher: Matcher, config: LocalisingConfig
+) -> Localisation:
+    """Return the best of the nodes around a place, among those seen about where they are expected.
 
-    def _near_place(self, place: BelievedPlace, prior: LocalisationPrior) -> dict[NodeId, Pose]:
-        """Return the expected poses (3,) of the nodes that an image at a place can be near enough to."""
-        most_m = self._config.distance + AT_PLACE[0]
-        most_rad = self._config.distance / np.sqrt(2) + AT_PLACE[1]
-        return {
-            node: pose
-            for node, pose in place.nodes.items()
-            if node not in prior.doubted and np.hypot(pose[0], pose[1]) < most_m and abs(wrap_angle(pose[2])) < most_rad
-        }
+    The distances of the nodes are taken from the place, not from the image, because a corridor looks the same one metre
+    farther on.
+    """
+    away = {node: float(distance(pose)) for node, pose in _near_place(place, prior, config).items()}
+    nodes = sorted(away, key=away.__getitem__)
+    found, scores, passing = matcher.match(features, ()), np.empty(0), np.empty(0, bool)
+    for start in range(0, len(nodes), _ASKED_AT_ONCE):
+        second_best = np.partition(scores[passing], 1)[1] if np.count_nonzero(passing) > 1 else np.inf
+        if away[nodes[start]] >= second_best:
+            break  # No score is below the node's distance, so neither the best nor the runner-up can change.
+        asked = matcher.match(features, nodes[start : start + _ASKED_AT_ONCE])
+        expected = np.array([place.nodes[node] for node in asked.nodes])
+        seen_there = asked.reachability * agree(expected, asked.waypoints, AT_PLACE)
+        found = found.concatenated(asked.with_reachability(seen_there))
+        scores = np.array([away[node] for node in found.nodes]) + _DOUBT_AT_PLACE * doubt(found.reachability)
+        passing = near_enough(found, config)
+    return best_localisation(found, scores, passing, LOCAL)._replace(probability=place.probability)
 
-    def _where_expected(self, place: BelievedPlace, features: Features, nodes: Sequence[NodeId]) -> Matches:
-        """Compare an image (1, F) with nodes; r is 0 where a node is not seen about where it is expected."""
-        found = self._matcher.match(features, nodes)
-        expected = np.array([place.nodes[node] for node in found.nodes])
-        return found.with_reachability(found.reachability * agree(expected, found.waypoints, AT_PLACE))
 
-    def _best_among(self, nodes: Sequence[NodeId], features: Features, scope: str) -> Localisation:
-        matches = self._matcher.match(features, nodes)
-        return best_localisation(matches, matches.distances, near_enough(matches, self._config), scope)
+def _near_place(place: BelievedPlace, prior: LocalisationPrior, config: LocalisingConfig) -> dict[NodeId, Pose]:
+    """Return the expected poses (3,) of the nodes that an image at a place can be near enough to."""
+    most_m = config.distance + AT_PLACE[0]
+    most_rad = config.distance / np.sqrt(2) + AT_PLACE[1]
+    return {
+        node: pose
+        for node, pose in place.nodes.items()
+        if node not in prior.doubted and np.hypot(pose[0], pose[1]) < most_m and abs(wrap_angle(pose[2])) < most_rad
+    }
 
-    def nearest_nodes(
-        self, features: Features, graph: TopologicalGraph, count: int
-    ) -> tuple[tuple[NodeId, float], ...]:
-        """Return the `count` nodes that resemble an image (1, F) most, best first, with their reachability."""
-        matches = self._matcher.match(features, tuple(graph.nodes))
-        order = np.argsort(resemblance(matches), kind="stable")[:count]
-        return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
+
+def nearest_nodes(
+    features: Features, graph: TopologicalGraph, count: int, matcher: Matcher
+) -> tuple[tuple[NodeId, float], ...]:
+    """Return the `count` nodes that resemble an image (1, F) most, best first, with their reachability."""
+    matches = matcher.match(features, tuple(graph.nodes))
+    order = np.argsort(resemblance(matches), kind="stable")[:count]
+    return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
 
 
 def resemblance(matches: Matches) -> NDArray[np.float64]:

@@ -12,13 +12,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ltvn_core.config import LocalisingConfig, Method
+from ltvn_core.config import Method
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
+from ltvn_core.graph.localiser import localise
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
-from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
+from ltvn_core.graph.maintenance import AttemptEvidence, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.operators import (
@@ -215,22 +215,19 @@ def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher
     nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
     nodes = nodes[:NEIGHBOURS] if method.expanding.strict else nodes
     matches = matcher.match(matcher.keyframes.features([frame]), nodes)
-    chosen = _connected(matches, frame, matcher, method)
-    if not len(chosen):
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
+    if method.expanding.strict:
+        # Merged images help here: they are in the reserve because they look like a node, and so bridge gaps.
+        chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
+        least = 2
+    else:
+        chosen = matches.take(connectable(matches, thresholds) & ~mergeable(matches, thresholds).any())
+        least = 1
+    if len(chosen) < least:
         return None
     seen = matcher.keyframes.observation(frame)
     released = FramesReleased((frame,), Cause.EXPAND)
     return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
-
-
-def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Method) -> Matches:
-    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
-    if not method.expanding.strict:
-        merges = mergeable(matches, thresholds).any()
-        return matches.take(connectable(matches, thresholds) & ~merges)
-    # Merged images help here: they are in the reserve because they look like a node, and so bridge gaps.
-    chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
-    return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
 
 
 def _restricted_to_path(
@@ -251,7 +248,7 @@ def ltvn_system(method: Method) -> NavigationSystem:
         method=method,
         build=partial(build, method=method),
         edge_weight=partial(edge_cost, config=method.planning),
-        localise=partial(_localise, config=method.localising),
+        localise=partial(localise, config=method.localising),
         subgoal=choose_first_node,
         maintenance=LifelongMaintenance(method) if method.maintain else NoMaintenance(),
         online=partial(OnlineBuilder, method=method),
@@ -277,15 +274,9 @@ class LifelongMaintenance:
             return ()
         return expand(graph, source, goal, matcher, self.method, rng)
 
-    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
+    def unrecognised(
+        self, graph: TopologicalGraph, seen: Observation, features: Features, looks: int, matcher: Matcher
+    ) -> Deltas:
         """Make a node of the image once looking around has not helped."""
         patience = self.method.expanding.novel_after_looks
-        if not patience or unrecognised.consecutive_failures < patience:
-            return ()
-        return novel_node(graph, unrecognised, matcher, self.method)
-
-
-def _localise(
-    features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher, *, config: LocalisingConfig
-) -> Localisation:
-    return Localiser(matcher, config).localise(features, graph, prior)
+        return novel_node(graph, seen, features, matcher, self.method) if 0 < patience <= looks else ()

@@ -37,22 +37,6 @@ class AttemptEvidence:
     obstruction: Obstruction | None = None
     """New obstacles around the way, which were not there when the map was made."""
 
-    @property
-    def obstructed(self) -> bool:
-        """Whether a new obstacle stopped the robot."""
-        return self.obstruction is not None and self.obstruction.stopped
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class UnrecognisedObservation:
-    """An observation in which the robot recognised no node, or only nodes where it cannot be."""
-
-    observation: Observation
-    features: Features
-    """(1, F) of the observation."""
-    consecutive_failures: int
-    """Consecutive observations, including this one, without a node or a path."""
-
 
 def update_existence(p: float, config: BeliefConfig, *, succeeded: bool, weight: float = 1.0) -> float:
     """Return p after one attempt, Eq. 3.
@@ -117,22 +101,22 @@ def should_prune(edge: Edge, least_p: float, config: BeliefConfig) -> bool:
 
 
 def novel_node(
-    graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher, method: Method
+    graph: TopologicalGraph, observation: Observation, features: Features, matcher: Matcher, method: Method
 ) -> tuple[GraphDelta, ...]:
-    """Return the deltas that make an unrecognised image a node; none if it merges or no edge joins it to the map.
+    """Return the deltas that make an unrecognised image, with features (1, F), a node; none if it merges or no edge
+    joins it to the map.
 
     D_c is looser and D_m smaller than in building.
     """
     thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
-    observation = unrecognised.observation
     if observation.step in graph.nodes or observation.step in graph.reserve:
         return ()
-    matches = matcher.match(unrecognised.features, tuple(graph.nodes))
+    matches = matcher.match(features, tuple(graph.nodes))
     if mergeable(matches, thresholds).any():
         return ()
     chosen = matches.take(connectable(matches, thresholds))
     if method.expanding.strict:
-        chosen = matcher.with_node_support(chosen, unrecognised.features)
+        chosen = matcher.with_node_support(chosen, features)
         chosen = chosen.take(connectable(chosen, thresholds))
     # A node without an edge could never be used, so it is not added.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()

@@ -30,7 +30,7 @@ from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior
-from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
+from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, AlwaysOpen, EdgePresence
@@ -95,8 +95,14 @@ class MaintenanceStrategy(Protocol):
         """Search for a path where the map has none; called once per source and query."""
         return ()
 
-    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Use an image in which no node was recognised; if it becomes a node, the navigator stores its image."""
+    def unrecognised(
+        self, graph: TopologicalGraph, seen: Observation, features: Features, looks: int, matcher: Matcher
+    ) -> Deltas:
+        """Use an image, with features (1, F), in which no node was recognised, or only nodes where the robot cannot be.
+
+        It is the last of `looks` consecutive ones without a node or a path. If it becomes a node, the navigator stores
+        it.
+        """
         return ()
 
 

@@ -8,6 +8,7 @@ reserve but never both, and a name belongs to one node. Does not own images or f
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, KeysView, Mapping
+from copy import copy
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Self, TypeAlias, assert_never
@@ -168,17 +169,15 @@ class TopologicalGraph:
 
     def copy(self) -> Self:
         """Return an independent graph with the same content and version; much faster than a fold."""
-        clone = type(self)()
-        # Nodes and edges are immutable, so both graphs may share them.
+        clone = copy(self)
+        # Nodes, edges and drives are immutable, so both graphs may share them.
         clone._nodes = self._nodes.copy()
         clone._edges = self._edges.copy()
         clone._reserve = self._reserve.copy()
         clone._presence = self._presence.copy()
-        clone._drives = self._drives
         clone._names = self._names.copy()
         clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
         clone._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
-        clone._version = self._version
         return clone
 
     def __eq__(self, other: object) -> bool:

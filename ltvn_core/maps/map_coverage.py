@@ -15,7 +15,7 @@ import rustworkx
 from ltvn_core.findings import Finding
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import NO_PRIOR, Localiser
+from ltvn_core.graph.localiser import NO_PRIOR, nearest_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import mirrored, strongly_connected_components
@@ -189,7 +189,6 @@ def goal_reports(
     """Return the report of a map on each goal; `keyframes` contains the images of the map's nodes, and those of most
     goals."""
     matcher = Matcher(predictor, keyframes, system.method.matching)
-    localiser = Localiser(matcher, system.method.localising)
     reports = list[GoalReport]()
     for goal, standing in zip(goals, standings(graph, goals), strict=True):
         if standing is not Standing.NOT_HELD or goal not in keyframes:
@@ -198,7 +197,7 @@ def goal_reports(
         features = keyframes.features([goal])
         held = _held(graph, _beside(graph, goal))
         if not held:  # Another place may look more similar than the goal's own, so this comes second.
-            held = _held(graph, [node for node, _ in localiser.nearest_nodes(features, graph, _NEAREST_ASKED)])
+            held = _held(graph, [node for node, _ in nearest_nodes(features, graph, _NEAREST_ASKED, matcher)])
         if not held:
             reports.append(GoalReport(goal, standing))
             continue

@@ -19,7 +19,7 @@ from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.corrections import Correction, to_config
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import Localiser
+from ltvn_core.graph.localiser import nearest_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -224,7 +224,7 @@ class TopologicalMap(WithDoubts):
             raise MapError("The map has no nodes, so no place can be found in it; build it from images first.")
         matcher = Matcher(self.predictor, self.keyframes, self.system.method.matching)
         features = self.predictor.encode([picture])
-        nearest = Localiser(matcher, self.system.method.localising).nearest_nodes(features, self.graph, count)
+        nearest = nearest_nodes(features, self.graph, count, matcher)
         waypoints = matcher.match(features, tuple(node for node, _ in nearest)).waypoints
         return tuple(FoundPlace(*found, waypoint) for found, waypoint in zip(nearest, waypoints, strict=True))
 

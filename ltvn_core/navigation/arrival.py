@@ -13,7 +13,6 @@ import numpy as np
 
 from ltvn_core.config import JudgingConfig
 from ltvn_core.geometry import distance, relative, wrap_angle
-from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.perception import EventGenerator, QueryAborted
@@ -42,7 +41,7 @@ def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
     if query.consecutive_failures % LOOKS_PER_TURN == 0:
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
         query.begin_anew()
-    yield from turn(query)
+    yield from query.driver.turn(TURN_RAD)
 
 
 def turn_to_see(query: QueryState) -> EventGenerator[None]:
@@ -53,20 +52,13 @@ def turn_to_see(query: QueryState) -> EventGenerator[None]:
     query.plan = plan
 
 
-def turn(query: QueryState) -> Iterator[e.Event | e.Tick]:
-    """Turn on the spot towards the direction of the next observation."""
-    yield from query.driver.turn(TURN_RAD)
-
-
 def _remember_novel(query: QueryState) -> Iterator[e.Event]:
     """Offer an unrecognised image to the system, which may make it a node."""
     context = query.context
-    perception = query.perception
-    seen = perception.observation
-    unrecognised = UnrecognisedObservation(seen, perception.features, query.consecutive_failures)
-    deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
-    if deltas:
-        context.keyframes.add([seen], perception.features)
+    seen, features = query.perception.observation, query.perception.features
+    unrecognised = context.system.maintenance.unrecognised
+    if deltas := unrecognised(context.graph, seen, features, query.consecutive_failures, context.matcher):
+        context.keyframes.add([seen], features)
         yield from query.apply(deltas)
 
 
@@ -138,7 +130,7 @@ def _survey(query: QueryState) -> EventGenerator[None]:
     query.surveys += 1
     expected = agreed = 0
     for _ in range(LOOKS_PER_TURN):
-        yield from turn(query)
+        yield from query.driver.turn(TURN_RAD)
         if (yield from query.perception.can_compare()):
             _ = query.perception.features  # The belief gets every image that is encoded.
             place = query.place()

@@ -6,13 +6,11 @@ Owns the control loop of the attempt. Does not judge whether the robot reached i
 import itertools
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, map_points, transform_points
+from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, transform_points
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import agree, compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import SAME_POSE
@@ -183,7 +181,7 @@ class AttemptDriver:
         self._backwards = behind and not self._turned_round
         if self._backwards:
             nearest = dict(itertools.islice(around.items(), _NODES_AROUND))
-            points = self._mapped_points(nearest, _FRAMES_AROUND_NODE)
+            points = self._perception.mapped_points(nearest, _FRAMES_AROUND_NODE, self._spec, range_m=RELEVANT_RANGE_M)
             points = points[distances_to_way(points, np.zeros(2), waypoint[:2]) < _BESIDE_WAY_M]
             self._behind = transform_points(points, self._motion.odometry)
         self._detour = None
@@ -194,15 +192,10 @@ class AttemptDriver:
         """Tell whether the path backwards is narrow, by images of the mapping drive, because the camera faces ahead."""
         if not self._config.back_up_clearance_m:
             return False
-        points = self._mapped_points({target: waypoint}, _FRAMES_AROUND_TARGET)
+        points = self._perception.mapped_points(
+            {target: waypoint}, _FRAMES_AROUND_TARGET, self._spec, range_m=RELEVANT_RANGE_M
+        )
         return path_clearance_m(waypoint[:2], points) < self._config.back_up_clearance_m
-
-    def _mapped_points(self, nodes: Mapping[NodeId, Pose], reach: int) -> NDArray[np.float64]:
-        """Return solid points (M, 2) in the images of nodes at these poses (3,), and in `reach` images before and after
-        each."""
-        spec = self._spec
-        read = partial(map_points, camera=spec.camera, range_m=RELEVANT_RANGE_M, height_m=spec.clear_height_m)
-        return self._perception.mapped_points(nodes, reach, read)
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
         """Return the next command, or the reason why the attempt ends here."""

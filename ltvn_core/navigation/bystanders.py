@@ -160,7 +160,8 @@ class MovingObstacles:
         If the moving points are not as wide as a person, only those that are `nearby` (M,) can be a person.
         """
         moved = self._moved(scan.stamp, things)
-        if _are_somebody(things[moved], scan):
+        bearings = scan.bins(scan.polar(things[moved])[1])
+        if len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS:  # As wide as a person.
             self._bystanders.noticed(scan.stamp)
             placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
             self._bystanders.look(scan, things[moved & placed])
@@ -181,12 +182,6 @@ class MovingObstacles:
                 free[asked[was_there]] = False
                 asked = asked[~was_there]  # A point that stood still is not moving, whatever older images show.
         return free
-
-
-def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
-    """Tell whether moving points (M, 2) in the odometry frame are as wide as a person."""
-    bearings = scan.bins(scan.polar(moving)[1])
-    return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
 
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

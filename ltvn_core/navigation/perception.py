@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.depth_points import transform_points
+from ltvn_core.cameras.depth_points import map_points, transform_points
 from ltvn_core.config import RecoveryConfig
 from ltvn_core.errors import RobotPausedError
 from ltvn_core.geometry import compose, distance, relative
@@ -26,6 +26,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.events import Collided, Event, Note, Outcome, Severity, Tick
 from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import (
     CONTROL_STEP_S,
     ZERO_TWIST,
@@ -288,16 +289,17 @@ class Perception:
         return NodeMatch(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
 
     def mapped_points(
-        self, nodes: Mapping[NodeId, Pose], reach: int, read: Callable[[Observation], NDArray[np.float64]]
+        self, nodes: Mapping[NodeId, Pose], reach: int, spec: RobotSpec, *, range_m: float
     ) -> NDArray[np.float64]:
-        """Return points (M, 2) that `read` finds in the images of nodes and in their neighbours in time, in the frame
-        in which the nodes have these poses (3,)."""
+        """Return solid points (M, 2) within a range of the camera in the images of nodes, and in `reach` images before
+        and after each, in the frame in which the nodes have these poses (3,)."""
         keyframes = self._matcher.keyframes
         seen = [np.empty((0, 2))]
         for node, pose in nodes.items():
             odometry = keyframes.observation(node).odometry
             for image in map(keyframes.observation, (node, *keyframes.temporal_window(node, reach))):
-                seen.append(transform_points(read(image), compose(pose, relative(odometry, image.odometry))))
+                points = map_points(image, camera=spec.camera, range_m=range_m, height_m=spec.clear_height_m)
+                seen.append(transform_points(points, compose(pose, relative(odometry, image.odometry))))
         return np.concatenate(seen)
 
     def with_node_support(self, node: NodeId) -> NodeMatch:

@@ -23,22 +23,22 @@ from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.arrival import (
     AT_TARGET_M,
     LOOKS_PER_TURN,
+    TURN_RAD,
     Arrival,
     check_goal,
     check_place,
     recover,
-    turn,
     turn_to_see,
 )
 from ltvn_core.navigation.attempt_driver import AttemptResult
 from ltvn_core.navigation.learning import (
     AttemptVerdict,
+    departure,
     judge,
     learn_from_action,
     learn_from_attempt,
     look_for_obstacles,
 )
-from ltvn_core.navigation.obstruction_finder import departure
 from ltvn_core.navigation.perception import EventGenerator, NodeMatch, QueryAborted
 from ltvn_core.navigation.query import MOST_OBSTRUCTIONS, QueryState
 from ltvn_core.types import NodeId
@@ -73,7 +73,7 @@ def run(query: QueryState) -> EventGenerator[Arrival]:
             continue
         query.consecutive_failures = 0
         if _looks_first(query):
-            yield from turn(query)
+            yield from query.driver.turn(TURN_RAD)
             continue
         driven = _until_action(query, path)
         if len(driven.nodes) == 1 < len(path.nodes) and _stands_at_node(query, localisation):
@@ -233,7 +233,7 @@ def _follow(query: QueryState, localisation: Localisation, path: GraphPath) -> E
     yield from query.motion.wait_one_step()
     if result.end is e.AttemptEnd.BLOCKED:
         # The same attempt would be blocked again, so the robot turns to look for another way.
-        yield from turn(query)
+        yield from query.driver.turn(TURN_RAD)
         return None
     if source is None and target == query.goal:
         return (yield from check_place(query))

@@ -130,7 +130,8 @@ class PersistentTracks:
 
     def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
         """Update with one observation of each of M different things, see `PresenceTracks`."""
-        self._begin(rows, stamps_s)
+        fresh = np.isnan(self._since[rows])
+        self._since[rows[fresh]] = self._last[rows[fresh]] = stamps_s[fresh]
         self._cross_silence(rows, present, stamps_s)
         state = self._state[rows]
         errors = self._config.errors
@@ -152,10 +153,6 @@ class PersistentTracks:
         looked_for = everything[~np.isnan(self._last)]
         same[looked_for] = self._same_state(looked_for, np.maximum(at_s, self._last[looked_for]))
         return np.where(self._state == 1, same, 1 - same)
-
-    def _begin(self, rows: Rows, stamps_s: FloatArray) -> None:
-        fresh = np.isnan(self._since[rows])
-        self._since[rows[fresh]] = self._last[rows[fresh]] = stamps_s[fresh]
 
     def _cross_silence(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
         """Restart the state of things that have most probably left it and come back since the last observation."""

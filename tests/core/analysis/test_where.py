@@ -15,7 +15,7 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import Localiser
+from ltvn_core.graph.localiser import NO_PRIOR, localise
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import StampedEvent
@@ -64,7 +64,7 @@ def test_the_heat_map_is_coldest_where_the_robot_is() -> None:
     assert found.nodes == tuple(range(24))
     assert found.distances.shape == found.scores.shape == (24,)
     assert found.best(2) == (7, 8)
-    fix = Localiser(place.matcher, ROBUST.localising).localise(image, place.graph)
+    fix = localise(image, place.graph, NO_PRIOR, place.matcher, config=ROBUST.localising)
     assert (fix.node, fix.runner_up) == found.best(2)
     assert found.margin == pytest.approx(fix.margin)
     assert found.near[7]

@@ -12,10 +12,12 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import (
     GLOBAL,
     LOCAL,
+    NO_PRIOR,
     Localisation,
     LocalisationPrior,
-    Localiser,
+    localise,
     near_enough,
+    nearest_nodes,
 )
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_from_observation
@@ -27,7 +29,7 @@ from tests.core.flat_world import FlatPredictor, observation_at, one_room
 IMAGES = [observation_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(8)]
 
 
-def line(predictor: FlatPredictor, method: Method) -> tuple[Localiser, TopologicalGraph]:
+def line(predictor: FlatPredictor, method: Method) -> tuple[Matcher, TopologicalGraph]:
     """Return a map of eight nodes in a row, 0.5 m apart."""
     keyframes = KeyframeStore(predictor)
     keyframes.add(IMAGES)
@@ -35,17 +37,16 @@ def line(predictor: FlatPredictor, method: Method) -> tuple[Localiser, Topologic
     for k in range(7):
         edge = Edge(k, k + 1, PoseRow(0.5, 0.0, 0.0), Belief(0.9, 0.5, 0.02))
         graph.apply(EdgeAdded(edge, Cause.BUILD))
-    return Localiser(Matcher(predictor, keyframes, method.matching), method.localising), graph
+    return Matcher(predictor, keyframes, method.matching), graph
 
 
 def fix_at(
     x: float, y: float = 1.0, yaw: float = 0.0, plan: tuple[int, ...] = (), method: Method = ROBUST
 ) -> Localisation:
     predictor = FlatPredictor(one_room())
-    localizer, graph = line(predictor, method)
-    return localizer.localise(
-        predictor.encode([observation_at(np.array([x, y, yaw]), 99)]), graph, LocalisationPrior(plan)
-    )
+    matcher, graph = line(predictor, method)
+    image = predictor.encode([observation_at(np.array([x, y, yaw]), 99)])
+    return localise(image, graph, LocalisationPrior(plan), matcher, config=method.localising)
 
 
 @pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
@@ -86,8 +87,8 @@ def test_turned_away_the_robot_is_lost_but_the_best_node_is_reported() -> None:
 
 def test_in_an_empty_map_the_robot_is_lost() -> None:
     predictor = FlatPredictor(one_room())
-    localizer, _ = line(predictor, ROBUST)
-    fix = localizer.localise(predictor.encode([IMAGES[0]]), TopologicalGraph())
+    matcher, _ = line(predictor, ROBUST)
+    fix = localise(predictor.encode([IMAGES[0]]), TopologicalGraph(), NO_PRIOR, matcher, config=ROBUST.localising)
     assert fix.node is None
     assert fix.distance == np.inf
     assert fix.runner_up is None
@@ -103,15 +104,15 @@ def test_a_node_that_is_surely_not_seen_comes_last_in_a_gallery_however_near_it_
 
     for method in (ROBUST, PAPER):
         predictor = Unseeing(one_room())
-        localizer, graph = line(predictor, replace(method, matching=PAPER.matching))
-        ranked = localizer.nearest_nodes(predictor.encode([observation_at(np.array([2.05, 1.0, 0.0]), 99)]), graph, 8)
+        matcher, graph = line(predictor, replace(method, matching=PAPER.matching))
+        ranked = nearest_nodes(predictor.encode([observation_at(np.array([2.05, 1.0, 0.0]), 99)]), graph, 8, matcher)
         assert [node for node, _ in ranked[:2]] == [4, 2]
 
 
 def test_the_nodes_that_look_like_an_image_come_best_first() -> None:
     predictor = FlatPredictor(one_room())
-    localizer, graph = line(predictor, ROBUST)
-    ranked = localizer.nearest_nodes(predictor.encode([IMAGES[4]]), graph, 3)
+    matcher, graph = line(predictor, ROBUST)
+    ranked = nearest_nodes(predictor.encode([IMAGES[4]]), graph, 3, matcher)
     assert ranked[0][0] == 4
     assert {node for node, _ in ranked[1:]} == {3, 5}
 
@@ -140,7 +141,7 @@ def test_at_a_believed_place_comparing_few_nodes_finds_what_comparing_all_finds(
     expected = relative(here + rng.normal(0, 0.1, 3), poses)
     place = BelievedPlace(dict(enumerate(expected)), 0.9, is_recognised=True)
 
-    fix = Localiser(matcher, ROBUST.localising).localise(features, graph, LocalisationPrior(place=place))
+    fix = localise(features, graph, LocalisationPrior(place=place), matcher, config=ROBUST.localising)
 
     found = matcher.match(features, tuple(range(150)))
     agrees = agree(expected, found.waypoints, AT_PLACE) & near_enough(found, ROBUST.localising)

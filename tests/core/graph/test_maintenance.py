@@ -12,7 +12,6 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.maintenance import (
     HINDERED_PRUNE_BELOW,
     AttemptEvidence,
-    UnrecognisedObservation,
     novel_node,
     update_edge,
 )
@@ -88,8 +87,8 @@ def novel(graph: TopologicalGraph, x: float, method: Method = ROBUST) -> Sequenc
     predictor = FlatPredictor(one_room())
     keyframes = KeyframeStore(predictor)
     keyframes.add([observation_at(np.array([x, 1.0, 0.0]), 1), observation_at(np.array([4.8, 3.8, 3.0]), 2)])
-    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12)
-    deltas = novel_node(graph, unrecognised, Matcher(predictor, keyframes, method.matching), method)
+    matcher = Matcher(predictor, keyframes, method.matching)
+    deltas = novel_node(graph, HERE_IT_IS, predictor.encode([HERE_IT_IS]), matcher, method)
     for delta in deltas:
         graph.apply(delta)
     return deltas

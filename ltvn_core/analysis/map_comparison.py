@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Edge
-from ltvn_core.graph.planner import cost_matrix, count_strongly_connected_components
+from ltvn_core.graph.planner import cost_matrix, strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Collided, Judged, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId, Pose
@@ -207,7 +207,7 @@ def map_metrics(graph: TopologicalGraph, events: Sequence[StampedEvent] = ()) ->
     return MapMetrics(
         nodes=len(graph.nodes),
         edges=len(graph.edges),
-        strongly_connected_components=count_strongly_connected_components(graph),
+        strongly_connected_components=len(strongly_connected_components(graph)),
         mean_p=sum(p) / len(p) if p else None,
         queries=len(ended),
         arrived=sum(end.outcome is Outcome.ARRIVED for end in ended),

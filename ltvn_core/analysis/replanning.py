@@ -33,7 +33,7 @@ from ltvn_core.config import BeliefConfig, Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
-from ltvn_core.graph.maintenance import should_prune
+from ltvn_core.graph.operators import should_prune
 from ltvn_core.graph.planner import NO_PATH, EdgeWeight, GraphPath, Planner, edge_cost, with_blind_costs
 from ltvn_core.graph.presence.edge_presence import plan_by_presence
 from ltvn_core.graph.presence.presence_filter import PresenceFilter

@@ -13,7 +13,7 @@ from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.map_drawing import MapDrawing
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapTruthMetrics
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.map_coverage import Standing, reached_from_most, standings
 from ltvn_core.network.metrics import calibration_table
@@ -143,7 +143,7 @@ def map_truth_metrics(graph: TopologicalGraph, truth: GroundTruth, goals: Sequen
         nodes=len(graph.nodes),
         edges=len(graph.edges),
         spurious_edges=len(spurious),
-        pieces=count_strongly_connected_components(graph),
+        pieces=len(strongly_connected_components(graph)),
         goals_connected=sum(reached_from_most(graph, goals)),
         goals_told=sum(told),
         goals_told_rightly=sum(is_told and not way for is_told, way in zip(told, reachable, strict=True)),

@@ -285,7 +285,9 @@ class _BuildRun:
                 seen.step not in self._goals
                 and (merging := nearest_mergeable(seen.step, found, self._matcher, self._thresholds)) is not None
             ):
-                self._merge(seen.step, merging)
+                self._merged[seen.step] = merging
+                self._newly_merged.enter(row)
+                self._join(seen.step, merging.nodes[0])
                 return True
             found = found.take(connectable(found, self._second_pass_thresholds))
             known = self._known.get(seen.step)
@@ -346,11 +348,6 @@ class _BuildRun:
         ordered = sorted(fresh, key=lambda node: abs(node - frame))
         yield tuple(ordered[:_NEAR_IN_TIME])
         yield self._matcher.promising(frame, ordered[_NEAR_IN_TIME:])
-
-    def _merge(self, frame: FrameId, merging: Matches) -> None:
-        self._merged[frame] = merging
-        self._newly_merged.enter(self._row[frame])
-        self._join(frame, merging.nodes[0])
 
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)

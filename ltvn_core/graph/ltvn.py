@@ -2,7 +2,7 @@
 
 Owns the composition of these parts, online mapping (the operators of Algorithm 1, one image at a time), and the
 expansion of the map where no path exists (a search through the reserve T'). Building is `graph.builder`, planning
-`graph.planner`, and learning from attempts `graph.maintenance`.
+`graph.planner`, and learning from attempts `graph.operators`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,16 +18,18 @@ from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, FramesReser
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import localise
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
-from ltvn_core.graph.maintenance import AttemptEvidence, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.operators import (
+    AttemptEvidence,
     OperatorThresholds,
     connectable,
     mergeable,
     nearest_mergeable,
     node_from_observation,
     node_with_edges,
+    novel_node,
+    update_edge,
 )
 from ltvn_core.graph.planner import GraphPath, Planner, edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -151,12 +153,7 @@ class OnlineBuilder:
 
 
 def expand(
-    graph: TopologicalGraph,
-    source: NodeId,
-    goal: NodeId,
-    matcher: Matcher,
-    method: Method,
-    rng: np.random.Generator,
+    graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, method: Method, rng: np.random.Generator
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that join `source` to `goal` through images of the reserve; none without such a path."""
     if not graph.reserve or source not in graph.nodes or goal not in graph.nodes:

@@ -30,8 +30,8 @@ from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, AlwaysOpen, EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph

@@ -15,16 +15,7 @@ import rustworkx
 from scipy.sparse import csr_array
 
 from ltvn_core.config import PlanningConfig
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Edge,
-    EdgeActionSet,
-    EdgeAdded,
-    EdgePruned,
-    GraphDelta,
-    PresenceObserved,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -36,7 +27,7 @@ _LEAST_P = 1e-6
 _BLIND_COST = 3.0
 """Cost of an edge that no image supports, for a robot that may be at several places."""
 
-EdgeWeight: TypeAlias = Callable[[Belief], float]
+EdgeWeight: TypeAlias = Callable[[d.Belief], float]
 """Returns the cost of an edge from its belief; finite and not negative."""
 
 
@@ -52,7 +43,7 @@ class GraphPath(NamedTuple):
 NO_PATH = GraphPath((), math.inf)
 
 
-def edge_cost(belief: Belief, config: PlanningConfig) -> float:
+def edge_cost(belief: d.Belief, config: PlanningConfig) -> float:
     """Return mu - weight * ln p, with the belief weight in `config`; mu alone if that is 0."""
     return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
 
@@ -72,12 +63,12 @@ def with_blind_costs(
     return blind | {key: cost + blind.get(key, 0.0) for key, cost in penalties.items()}
 
 
-def hop_cost(belief: Belief) -> float:
+def hop_cost(belief: d.Belief) -> float:
     """Return 1, so that the cheapest path has the fewest edges."""
     return 1.0
 
 
-def surprise_cost(belief: Belief) -> float:
+def surprise_cost(belief: d.Belief) -> float:
     """Return -ln p, so that the cheapest path is the most probable one."""
     return -math.log(max(belief.p, _LEAST_P))
 
@@ -92,19 +83,19 @@ class Planner:
         self._weight = weight or partial(edge_cost, config=config)
         self._rebuild()
 
-    def mirror_delta(self, delta: GraphDelta) -> None:
+    def mirror_delta(self, delta: d.GraphDelta) -> None:
         """Mirror a delta that was just applied to the graph."""
         if self._version != self._graph.version - 1:
             return  # A delta was missed before; the next plan rebuilds.
         match delta:
-            case BeliefUpdated():
+            case d.BeliefUpdated():
                 self._set_cost((delta.source, delta.target), self._weight(delta.belief))
-            case EdgeAdded():
+            case d.EdgeAdded():
                 ends = self._index[delta.edge.source], self._index[delta.edge.target]
                 self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
-            case EdgePruned():
+            case d.EdgePruned():
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
-            case PresenceObserved() | EdgeActionSet():
+            case d.PresenceObserved() | d.EdgeActionSet():
                 pass  # Presence is given with each plan, and the cost of an action is that of its edge's belief.
             case _:
                 return  # Node indices change, or the change is rare, so the mirror is rebuilt.
@@ -174,7 +165,7 @@ def mirrored(
 
 
 def strongly_connected_components(
-    graph: TopologicalGraph, over: Callable[[Edge], bool] = lambda edge: True
+    graph: TopologicalGraph, over: Callable[[d.Edge], bool] = lambda edge: True
 ) -> tuple[tuple[NodeId, ...], ...]:
     """Return the strongly connected components of a map, the largest first, the nodes of each in order.
 
@@ -183,8 +174,3 @@ def strongly_connected_components(
     mirror, _ = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
     parts = [tuple(sorted(mirror[k] for k in part)) for part in rustworkx.strongly_connected_components(mirror)]
     return tuple(sorted(parts, key=lambda part: (-len(part), part)))
-
-
-def count_strongly_connected_components(graph: TopologicalGraph) -> int:
-    """Return the number of strongly connected components of a map; 1 is ideal."""
-    return len(strongly_connected_components(graph))

@@ -2,7 +2,7 @@
 
 Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
 reserve but never both, and a name belongs to one node. Does not own images or features
-(`graph.keyframes`) nor decisions (`graph.builder`, `graph.maintenance`).
+(`graph.keyframes`) nor decisions (`graph.builder`, `graph.operators`).
 """
 
 import math

@@ -22,7 +22,7 @@ from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.deltas import BeliefUpdated, PresenceObserved
 from ltvn_core.graph.free_floor import thinned
 from ltvn_core.graph.localiser import Localisation
-from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.place_belief import SURE
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.graph.presence.edge_presence import is_open

@@ -13,8 +13,8 @@ from typing import TypeAlias
 import numpy as np
 
 from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas, NoMaintenance
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 

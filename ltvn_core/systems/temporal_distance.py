@@ -33,9 +33,9 @@ from numpy.typing import ArrayLike, NDArray
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import Belief, Cause, EdgePruned
 from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation, doubt
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NoMaintenance
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.systems.rival import DriveImages, EdgeCandidate, cheapest_from_each, has_no_waypoint, surest_links

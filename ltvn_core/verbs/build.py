@@ -94,7 +94,7 @@ class BuildVerb(Verb):
 def _built(options: BuildVerb) -> Summary:
     from tqdm import tqdm
 
-    from ltvn_core.graph.planner import count_strongly_connected_components
+    from ltvn_core.graph.planner import strongly_connected_components
     from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 
     wanted = BuildOptions(
@@ -127,7 +127,7 @@ def _built(options: BuildVerb) -> Summary:
         nodes=len(graph.nodes),
         edges=len(graph.edges),
         reserve=len(graph.reserve),
-        pieces=count_strongly_connected_components(graph),
+        pieces=len(strongly_connected_components(graph)),
         known_share=round(built.coverage.share, 3),
         known_by_images=round(built.coverage.by_images, 3),
         drives=built.drives,

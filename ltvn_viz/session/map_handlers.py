@@ -12,7 +12,7 @@ from pathlib import Path
 from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import OptionError, RecordingError
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.recorded_map import build_recorded_map, save_recorded_map
@@ -93,7 +93,7 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
         built, choice, observations = build_recorded_map(source, options, progress)
         save_recorded_map(built, output, options)
         graph = built.graph
-        pieces = count_strongly_connected_components(graph)
+        pieces = len(strongly_connected_components(graph))
         assert built.coverage is not None
         return MadeRecording(
             output.name,

@@ -12,7 +12,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
 from ltvn_core.evaluation.reports.map_svg import recorded_ground_truth
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction
@@ -83,7 +83,7 @@ def test_the_shipped_recording_is_small_and_holds_all_three_faults(shipped: Reco
     found = edge_accuracy(before, known, near=2.0)
     assert found.spurious == planted["spurious-edge"] | planted["look-alike"]
     assert planted["missing-edge"] <= {(pair.source, pair.target) for pair in found.missing}
-    assert count_strongly_connected_components(before) == 2
+    assert len(strongly_connected_components(before)) == 2
 
 
 def test_each_shipped_query_meets_its_fault_and_fails(shipped: Recording) -> None:

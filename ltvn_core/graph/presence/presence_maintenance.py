@@ -1,4 +1,4 @@
-"""Maintenance that separates the existence of an edge from its presence: pure functions as in `graph.maintenance`.
+"""Maintenance that separates the existence of an edge from its presence: pure functions as in `graph.operators`.
 
 Owns the decision whether an attempt is an observation of presence. Prunes permanently only edges that never existed.
 """
@@ -10,8 +10,8 @@ import numpy as np
 from ltvn_core.geometry import agree, relative
 from ltvn_core.graph.deltas import Edge, EdgePruned
 from ltvn_core.graph.ltvn import LifelongMaintenance
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.presence.edge_presence import obstructed_deltas, open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 

@@ -11,7 +11,7 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.maintenance import AttemptEvidence, update_edge
+from ltvn_core.graph.operators import AttemptEvidence, update_edge
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from tests.repository import ROOT

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from ltvn_core.config import BeliefConfig
 from ltvn_core.graph.deltas import Belief
-from ltvn_core.graph.maintenance import update_belief, update_existence, update_length
-from ltvn_core.graph.operators import initial_belief
+from ltvn_core.graph.operators import initial_belief, update_belief, update_existence, update_length
 
 chances = st.floats(0.01, 0.95)
 configs = st.builds(

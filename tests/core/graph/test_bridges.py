@@ -10,7 +10,7 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import SECOND_PASS_REACHABILITY, build
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.planner import Planner, count_strongly_connected_components
+from ltvn_core.graph.planner import Planner, strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_coverage import GoalReport, Standing, goal_reports, standings
@@ -63,7 +63,7 @@ def test_a_near_sighted_predictor_leaves_no_image_over() -> None:
     span_m = [np.ptp([node.odometry.x_m for node in each.nodes.values()]) for each in (short, graph)]
     assert span_m[0] < 1.0
     assert span_m[1] > 2.8
-    assert count_strongly_connected_components(graph) == 1
+    assert len(strongly_connected_components(graph)) == 1
     assert len(graph.nodes) < len(images)
 
 
@@ -76,7 +76,7 @@ def test_where_images_in_a_row_share_nothing_odometry_joins_them() -> None:
     poses = {seen.step: seen.odometry for seen in images}
     assert np.allclose(graph.edges[edge].waypoint, relative(poses[edge[0]], poses[edge[1]]))
     assert graph.edges[edge].belief.p <= SECOND_PASS_REACHABILITY
-    assert count_strongly_connected_components(graph) == 1
+    assert len(strongly_connected_components(graph)) == 1
     sides = {frame < gap for frame in built(images, gap_predictor(gap), PAPER).nodes}
     assert len(sides) == 1
 
@@ -98,7 +98,7 @@ def test_an_image_that_nothing_recognises_stays_in_the_reserve() -> None:
     graph = built(images, gap_predictor(blank, [blank]))
     assert blank in graph.reserve
     assert {frame < blank for frame in graph.nodes} == {True, False}
-    assert count_strongly_connected_components(graph) == 1
+    assert len(strongly_connected_components(graph)) == 1
 
 
 def test_a_stretch_that_no_image_shows_cuts_off_nothing_behind_it() -> None:
@@ -108,7 +108,7 @@ def test_a_stretch_that_no_image_shows_cuts_off_nothing_behind_it() -> None:
     assert {*graph.nodes} & {*bare}
     assert min(graph.nodes) < bare[0]
     assert max(graph.nodes) > bare[-1]
-    assert count_strongly_connected_components(graph) == 1
+    assert len(strongly_connected_components(graph)) == 1
 
 
 def built_for(

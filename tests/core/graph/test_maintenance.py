@@ -9,13 +9,13 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.maintenance import (
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.operators import (
     HINDERED_PRUNE_BELOW,
     AttemptEvidence,
     novel_node,
     update_edge,
 )
-from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 

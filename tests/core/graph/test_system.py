@@ -14,8 +14,8 @@ from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned

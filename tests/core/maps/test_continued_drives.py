@@ -14,7 +14,7 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.deltas import Edge
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.joined_drives import is_continued, join_drives
 from ltvn_core.maps.topological_map import TopologicalMap
@@ -72,7 +72,7 @@ def joints(built: TopologicalMap) -> list[Edge]:
 def test_halves_that_no_image_joins_become_one_piece_by_edges_that_say_so(tmp_path: Path, pause_s: float) -> None:
     first, second = halves()
     built = mapped(tmp_path, first, later(unlike(second), pause_s))
-    assert count_strongly_connected_components(built.graph) == 1
+    assert len(strongly_connected_components(built.graph)) == 1
     between = joints(built)
     assert {(each.source, each.target) for each in between} == {(each.target, each.source) for each in between}
     for each in between:
@@ -86,7 +86,7 @@ def test_halves_that_no_image_joins_become_one_piece_by_edges_that_say_so(tmp_pa
 def test_three_parts_lie_in_the_frame_of_the_first(tmp_path: Path) -> None:
     seen = [*halves()[0], *halves()[1]]
     built = mapped(tmp_path, seen[:14], later(unlike(seen[14:28]), 1.0), later(seen[28:], 2.0))
-    assert count_strongly_connected_components(built.graph) == 1
+    assert len(strongly_connected_components(built.graph)) == 1
     truth = {image.odometry.tobytes() for image in seen}
     assert all(built.keyframes.observation(node).odometry.tobytes() in truth for node in built.graph.nodes)
 
@@ -118,7 +118,7 @@ def test_other_drives_are_not_joined_by_odometry(
 ) -> None:
     first, second = halves()
     built = mapped(tmp_path, first, changed(unlike(second)))
-    assert count_strongly_connected_components(built.graph) == 2
+    assert len(strongly_connected_components(built.graph)) == 2
     assert not joints(built)
     assert not built.drives[1].continues
 

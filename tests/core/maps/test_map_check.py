@@ -10,7 +10,7 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.operators import node_from_observation, pose_row
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.map_check import map_findings
@@ -155,7 +155,7 @@ def test_a_drive_without_odometry_is_joined_by_what_its_images_say_alone() -> No
     images = [replace(seen, odometry=np.zeros(3)) for seen in tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)])]
     built = build_map(images, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) > 5
-    assert count_strongly_connected_components(built.graph) == 1
+    assert len(strongly_connected_components(built.graph)) == 1
 
 
 def passed_later(images: list[Observation], steps: int, seconds: float) -> list[Observation]:

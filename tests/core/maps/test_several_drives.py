@@ -12,7 +12,7 @@ from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import compose
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.maps.built_map import build_map
 from ltvn_core.maps.joined_drives import JoinedDrives, join_drives
 from ltvn_core.maps.topological_map import TopologicalMap
@@ -117,7 +117,7 @@ def test_drives_of_two_places_are_doubted(tmp_path: Path, scenes: tuple[str, str
 
 def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(met: TopologicalMap) -> None:
     built, graph = met, met.graph
-    assert count_strongly_connected_components(graph) == 1
+    assert len(strongly_connected_components(graph)) == 1
     assert {graph.drive_of(node) for node in graph.nodes} == {1, 2}
     assert built.drives[1].joined_by > 0
     assert (built.drives[1].recognised or 0) > 0.3
@@ -132,7 +132,7 @@ def test_a_drive_that_nothing_recognises_is_a_piece_of_its_own_and_that_is_said(
     joined = two_drives(tmp_path, far)
     built = mapped(joined)
     graph = built.graph
-    assert count_strongly_connected_components(graph) == 2
+    assert len(strongly_connected_components(graph)) == 2
     assert not any(graph.drive_of(source) != graph.drive_of(target) for source, target in graph.edges)
     assert built.drives[1].nodes > 3
     assert "No image of tuesday.rrd was recognised" in built.doubts[0]
@@ -150,7 +150,7 @@ def test_one_perceptual_alias_joins_no_drives(tmp_path: Path) -> None:
     here, there = joined.observations[10].step, joined.drives[1].first + 60
     lies = {(there, here): np.array([0.3, 0.0, 0.0]), (here, there): np.array([-0.3, 0.0, 0.0])}
     built = mapped(joined, FlatPredictor(one_room(), lies=lies))
-    assert count_strongly_connected_components(built.graph) == 2
+    assert len(strongly_connected_components(built.graph)) == 2
 
 
 def test_a_saved_map_still_knows_its_drives(met: TopologicalMap, saved: Path) -> None:

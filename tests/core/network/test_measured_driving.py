@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import WeightsError
-from ltvn_core.graph.maintenance import update_existence
+from ltvn_core.graph.operators import update_existence
 from ltvn_core.network.driving_calibration import (
     DRIVING_SECTION,
     DrivingMeasurements,

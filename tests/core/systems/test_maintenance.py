@@ -9,8 +9,8 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.worlds.world_truth import KnownPresence
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
 from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
-from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import NoMaintenance
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import BayesianEdges

@@ -19,7 +19,7 @@ from ltvn_core.graph.deltas import (
     PoseRow,
     PresenceObserved,
 )
-from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence, seen_open_deltas
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 FACTORS = (0.8, 1.25)
 _ROOT = Path(ltvn_core.__file__).parent
 _NOT_SHOWN = {
-    "graph.topological_graph", "graph.presence.persistent", "graph.presence.presence_maintenance",
-    "graph.presence.edge_presence", "navigation.bystanders",
+    "graph.topological_graph", "graph.presence.presence_filter", "graph.presence.edge_presence",
+    "navigation.bystanders",
 }  # fmt: skip
 """Modules without a number of the method, or whose numbers act only where maps change or people walk."""
 _DRIVING_ONLY = {"graph.place_belief", "graph.planner", "graph.localiser", "graph.ltvn"}

@@ -13,8 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import DurationMixture, PresenceFilter, PresenceTracks
+from ltvn_core.graph.presence.presence_filter import (
+    DurationMixture,
+    PersistentFilter,
+    PresenceFilter,
+    PresenceTracks,
+    SightErrors,
+)
 from ltvn_core.network.metrics import calibration_error
 
 FloatArray = NDArray[np.float64]

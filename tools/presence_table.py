@@ -19,7 +19,7 @@ from tqdm import tqdm
 from tyro.conf import Positional, subcommand
 
 from ltvn_core.evaluation.reports.evaluation_tables import ReportTable
-from ltvn_core.graph.presence.persistent import SightErrors
+from ltvn_core.graph.presence.presence_filter import SightErrors
 from tools.presence_accuracy import (
     FilterAccuracy,
     PresenceAccuracy,

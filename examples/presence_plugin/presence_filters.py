@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ltvn_core as ltvn
-from ltvn_core.graph.presence.persistent import EDGE_ERRORS, USUALLY_PRESENT, FloatArray, Rows, SightErrors
+from ltvn_core.graph.presence.presence_filter import EDGE_ERRORS, USUALLY_PRESENT, FloatArray, Rows, SightErrors
 from ltvn_core.systems.maintenance import with_presence_filter
 
 HOUR_S = 3600.0

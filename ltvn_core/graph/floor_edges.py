@@ -5,9 +5,8 @@ that faces the wrong way first drives to where the drive turned, and a robot tha
 the drive. The corrected odometry gives the relative pose of two nodes, and the depth images show whether the floor
 between them is free. An edge is added only if it makes a path much shorter: a greedy spanner (Althöfer, Das, Dobkin,
 Joseph and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns the choice of these edges; `graph.free_floor`
-decides whether floor is free, `CourseErrors` whether odometry
-knows where both nodes are: it drifts with the distance driven, and relates two passes wrongly where recognised images
-say another relative pose.
+decides whether floor is free, `CourseErrors` whether odometry knows where both nodes are: it drifts with the distance
+driven, and relates two passes wrongly where recognised images say another relative pose.
 """
 
 from collections.abc import Callable, Iterator

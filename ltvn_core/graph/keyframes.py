@@ -1,8 +1,8 @@
 """Images and features of nodes and reserve by frame, each encoded once.
 
 Owns the observations and features of every frame that is a node or in the reserve, and their order in time. Features
-lie in growing arrays, in memory while they are small, then in temporary files. Does not
-decide which frames to keep: the caller drops those that left the map.
+lie in growing arrays, in memory while they are small, then in temporary files. Does not decide which frames to keep:
+the caller drops those that left the map.
 """
 
 import tempfile

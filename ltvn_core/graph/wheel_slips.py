@@ -13,7 +13,7 @@ and where odometry never moves, no slip is found.
 import itertools
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,11 @@ class Slip(NamedTuple):
         return np.array([np.hypot(off[0], off[1]), abs(off[2])])
 
 
+Confirms: TypeAlias = Callable[[Sequence[Observation], Slip, tuple[int, int]], bool]
+"""Tells of a drive, one of its slips, and the first and the last image around it without another slip, whether the slip
+is mended."""
+
+
 class _Fit(NamedTuple):
     """The motion that aligns two scans best, and the mean distances of the scans in metres."""
 
@@ -144,14 +149,13 @@ def without_slips(
     observations: Sequence[Observation],
     camera: CameraModel,
     drive_starts: Collection[FrameId] = (),
-    confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None = None,
+    confirms: Confirms | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Observation]:
     """Return images in their order, each with odometry corrected for the slips before it in its drive.
 
-    Odometry restarts at `drive_starts`. `confirms` tells of a drive, one of its slips, and the first and the last image
-    around it without another slip, whether the slip is mended; None mends all. `progress` is called with the share of
-    the images that were searched.
+    Odometry restarts at `drive_starts`. Without `confirms`, all slips are mended. `progress` is called with the share
+    of the images that were searched.
     """
     drives = list[list[Observation]]()
     for seen in observations:
@@ -163,16 +167,10 @@ def without_slips(
     def searched() -> None:
         progress(next(number) / len(observations))
 
-    return [seen for drive in drives for seen in _mended(drive, camera, confirms, searched)]
+    return [seen for drive in drives for seen in _mended(drive, find_slips(drive, camera, searched), confirms)]
 
 
-def _mended(
-    drive: Sequence[Observation],
-    camera: CameraModel,
-    confirms: Callable[[Sequence[Observation], Slip, tuple[int, int]], bool] | None,
-    searched: Callable[[], None],
-) -> Sequence[Observation]:
-    slips = find_slips(drive, camera, searched)
+def _mended(drive: Sequence[Observation], slips: Sequence[Slip], confirms: Confirms | None) -> Sequence[Observation]:
     ends = [0, *(slip.row for slip in slips), len(drive)]
     frame: Pose | None = None
     mended = list[Observation]()

@@ -8,12 +8,10 @@ from typing import TypeVar
 
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.ltvn import LifelongMaintenance
+from ltvn_core.graph.ltvn import LifelongMaintenance, PresenceMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, EdgePresence, FilteredPresence
-from ltvn_core.graph.presence.persistent import PERSISTENT
-from ltvn_core.graph.presence.presence_filter import PresenceFilter
-from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.graph.presence.presence_filter import PERSISTENT, PresenceFilter
 from ltvn_core.systems.brm import BayesianEdges, RoomOf
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 from ltvn_core.terminal_text import which_name

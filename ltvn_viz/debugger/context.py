@@ -15,8 +15,7 @@ from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.graph.presence.persistent import PERSISTENT
-from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.graph.presence.presence_filter import PERSISTENT, PresenceFilter
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_core.preprocessing import recorded_observation

@@ -12,11 +12,12 @@ from examples.presence_plugin.presence_filters import (
     fremen_system,
 )
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
-from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
 from ltvn_core.graph.presence.presence_filter import (
     DurationMixture,
+    PersistentFilter,
     PresenceFilter,
     PresenceObservation,
+    SightErrors,
     presence_probabilities,
 )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.presence.persistent import SightErrors
+from ltvn_core.graph.presence.presence_filter import SightErrors
 from tests.repository import ROOT
 from tools.presence_accuracy import fit_durations, read_sequences, stays_of
 from tools.presence_table import Compare, ComparedFilters, Show

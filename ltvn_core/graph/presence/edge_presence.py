@@ -37,17 +37,13 @@ def obstructed_deltas(
     closed: dict[EdgeKey, float] = dict.fromkeys(stopped, stamp)
     for number, thing in enumerate(obstruction.things()):
         keys = edges_obstructed(graph, thing)
-        moment = _moment(graph, keys, stamp + number * _ONE_THING_S)
+        moment = stamp + number * _ONE_THING_S
+        # The time of an earlier observation of the same blockage, if there is one.
+        last = (graph.presence[key][-1] for key in keys if key in graph.presence)
+        same = (seen.stamp_s for seen in last if not seen.present and 0 <= moment - seen.stamp_s < _SAME_S)
+        moment = max(same, default=moment)
         closed |= {key: moment for key in keys}
     return _observed(graph, closed, present=False, driven=driven)
-
-
-def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) -> float:
-    """Return the stamp for a thing: the time of an earlier observation of the same blockage, or else `stamp`."""
-    last = [graph.presence[key][-1] for key in keys if key in graph.presence]
-    return max(
-        (seen.stamp_s for seen in last if not seen.present and 0 <= stamp - seen.stamp_s < _SAME_S), default=stamp
-    )
 
 
 def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple[PresenceObserved, ...]:

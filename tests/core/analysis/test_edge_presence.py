@@ -17,8 +17,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence
-from ltvn_core.graph.presence.persistent import PERSISTENT
-from ltvn_core.graph.presence.presence_filter import PresenceObservation
+from ltvn_core.graph.presence.presence_filter import PERSISTENT, PresenceObservation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Localised, Planned, QueryStarted, StampedEvent, WorldChanged
 from ltvn_core.worlds import DoorMoved, TimePassed

@@ -11,7 +11,7 @@ from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded
 from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
 from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.graph.operators import AttemptEvidence
-from ltvn_core.graph.presence.persistent import PERSISTENT
+from ltvn_core.graph.presence.presence_filter import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.maintenance import recorded_filter, with_maintenance

@@ -19,12 +19,12 @@ from ltvn_core.graph.deltas import (
     PoseRow,
     PresenceObserved,
 )
+from ltvn_core.graph.ltvn import PresenceMaintenance
 from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence, seen_open_deltas
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
-from ltvn_core.graph.presence.persistent import PERSISTENT
-from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.graph.presence.presence_filter import PERSISTENT
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 NOTHING = np.empty((0, 2))

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from ltvn_core.graph.presence.persistent import PERSISTENT, PersistentFilter, SightErrors, return_probabilities
 from ltvn_core.graph.presence.presence_filter import (
+    PERSISTENT,
     DurationMixture,
+    PersistentFilter,
     PresenceFilter,
     PresenceObservation,
+    SightErrors,
     presence_probabilities,
+    return_probabilities,
 )
 
 NEVER = DurationMixture.exponential([1e12], [1.0])

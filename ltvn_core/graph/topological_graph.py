@@ -24,12 +24,18 @@ def check_edge(edge: d.Edge) -> None:
     edges."""
     belief: d.Belief = edge.belief
     counts = 0 <= edge.successes <= edge.attempts
-    if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
+    fits = 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf
+    if counts and fits and is_action(edge.action):
         return
-    require(0 <= belief.p <= 1, f"{edge_name(edge)} has p = {belief.p}; it must lie in [0, 1].")
-    require(0 <= belief.mu < math.inf, f"{edge_name(edge)} has mu = {belief.mu}; it must be finite and not negative.")
-    require(0 < belief.sigma2 < math.inf, f"{edge_name(edge)} has sigma2 = {belief.sigma2}; it must be positive.")
-    require(counts, f"{edge_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
+    name = edge_name(edge)
+    require(0 <= belief.p <= 1, f"{name} has p = {belief.p}; it must lie in [0, 1].")
+    require(0 <= belief.mu < math.inf, f"{name} has mu = {belief.mu}; it must be finite and not negative.")
+    require(0 < belief.sigma2 < math.inf, f"{name} has sigma2 = {belief.sigma2}; it must be positive.")
+    require(counts, f"{name} counts {edge.successes} successes in {edge.attempts} attempts.")
+    raise MapError(
+        f"{name} cannot have the action {edge.action[:MAX_ACTION_LENGTH]!r}: use one line of at most "
+        f"{MAX_ACTION_LENGTH} printable characters."
+    )
 
 
 def edge_name(edge: d.Edge) -> str:
@@ -139,8 +145,8 @@ class TopologicalGraph:
                 self._prune_edge(delta)
             case d.NodeDropped():
                 self._drop_node(delta)
-            case d.EdgeProtected():
-                self._protect_edge(delta)
+            case d.EdgeProtected(source, target, protected):
+                self._edges[source, target] = replace(self._existing(source, target), protected=protected)
             case d.EdgeActionSet():
                 self._set_action(delta)
             case d.PresenceObserved():
@@ -220,7 +226,6 @@ class TopologicalGraph:
         if not all(map(math.isfinite, edge.waypoint)):
             raise MapError(f"{edge_name(edge)} has a waypoint that is not finite.")
         check_edge(edge)
-        _check_action(edge)
         self._edges[edge.source, edge.target] = edge
         self._successors[edge.source][edge.target] = None
         self._predecessors[edge.target][edge.source] = None
@@ -240,13 +245,9 @@ class TopologicalGraph:
         require(by_hand or not edge.protected, f"{edge_name(edge)} is protected; only a person may prune it.")
         self._remove_edge(delta.source, delta.target)
 
-    def _protect_edge(self, delta: d.EdgeProtected) -> None:
-        edge = self._existing(delta.source, delta.target)
-        self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
-
     def _set_action(self, delta: d.EdgeActionSet) -> None:
         changed = replace(self._existing(delta.source, delta.target), action=delta.action)
-        _check_action(changed)
+        check_edge(changed)
         self._edges[delta.source, delta.target] = changed
 
     def _observe_presence(self, delta: d.PresenceObserved) -> None:
@@ -303,14 +304,6 @@ class TopologicalGraph:
 def is_action(text: str) -> bool:
     """Tell whether a text can be an edge's action; an empty text, which stands for no action, can."""
     return len(text) <= MAX_ACTION_LENGTH and text.isprintable()
-
-
-def _check_action(edge: d.Edge) -> None:
-    if not is_action(edge.action):
-        raise MapError(
-            f"{edge_name(edge)} cannot have the action {edge.action[:MAX_ACTION_LENGTH]!r}: use one line of at most "
-            f"{MAX_ACTION_LENGTH} printable characters."
-        )
 
 
 def presence_deltas(

@@ -15,20 +15,11 @@ from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import agree, compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import SAME_POSE
 from ltvn_core.graph.presence.obstruction import distances_to_way
+from ltvn_core.navigation import steering
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import MotionExecutor, Perception
-from ltvn_core.navigation.steering import (
-    REACHED_M,
-    TURN_RAD_S,
-    TurningCircle,
-    collision_free_command,
-    drivable_aim,
-    drives_backwards,
-    find_detour,
-    path_clearance_m,
-)
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
@@ -88,7 +79,7 @@ class AttemptDriver:
         """Drive with `motion`, using the images of `perception`; `bystanders` are the people met before."""
         self._motion = motion
         self._perception = perception
-        self._turning = TurningCircle(spec.speeds)
+        self._turning = steering.TurningCircle(spec.speeds)
         self._config = config
         self._spec = spec
         patient = config.patience_s > 0
@@ -173,7 +164,7 @@ class AttemptDriver:
 
     def _reset(self, target: NodeId, waypoint: Waypoint, around: Mapping[NodeId, Pose], *, is_known: bool) -> None:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
-        behind = drives_backwards(waypoint)
+        behind = steering.drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
         about = self.obstacles.people_are_about(self._motion.stamp)
         is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
@@ -195,12 +186,12 @@ class AttemptDriver:
         points = self._perception.mapped_points(
             {target: waypoint}, _FRAMES_AROUND_TARGET, self._spec, range_m=RELEVANT_RANGE_M
         )
-        return path_clearance_m(waypoint[:2], points) < self._config.back_up_clearance_m
+        return steering.path_clearance_m(waypoint[:2], points) < self._config.back_up_clearance_m
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
         """Return the next command, or the reason why the attempt ends here."""
         while True:
-            aim, reached_m = (goal, REACHED_M) if self._detour is None else (self._detour, _DETOUR_REACHED_M)
+            aim, reached_m = (goal, steering.REACHED_M) if self._detour is None else (self._detour, _DETOUR_REACHED_M)
             error, is_narrow = self._drivable_aim(relative(self._motion.odometry, aim))
             twist = self._turning.steer(
                 error, self._config, backwards=self._backwards, is_narrow=is_narrow, reached_m=reached_m
@@ -224,7 +215,7 @@ class AttemptDriver:
         if not self._config.swerve or self._backwards or self._spec.speeds.turning_radius_m:
             return aim, False
         points = self.obstacles.nearby_points(self._motion.odometry)
-        place, is_narrow = drivable_aim(aim[:2], points, radius_m=self._spec.clear_radius_m)
+        place, is_narrow = steering.drivable_aim(aim[:2], points, radius_m=self._spec.clear_radius_m)
         return np.array([*place, aim[2]]), is_narrow
 
     def _try_another_way(self, goal: Pose) -> bool:
@@ -241,7 +232,7 @@ class AttemptDriver:
         self._detours_left -= 1
         odometry = self._motion.odometry
         ahead = relative(odometry, goal)[:2]
-        place = find_detour(ahead, self.obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
+        place = steering.find_detour(ahead, self.obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
         self._detour = None
         if place is not None:
             onward = ahead - place
@@ -259,12 +250,12 @@ class AttemptDriver:
         motion = self._motion
         goal_rad = motion.odometry[2] + angle_rad
         # Odometry may stand still when the robot is stuck, so the number of steps is bounded too.
-        steps = 2 + int(2 * abs(angle_rad) / (TURN_RAD_S * CONTROL_STEP_S))
+        steps = 2 + int(2 * abs(angle_rad) / (steering.TURN_RAD_S * CONTROL_STEP_S))
         for _ in range(steps * self._turning.legs):
             left = abs(float(wrap_angle(goal_rad - motion.odometry[2])))
             if left < _TURNED_RAD:
                 return
-            rate = min(TURN_RAD_S, max(_SLOWEST_TURN_RAD_S, left / CONTROL_STEP_S))
+            rate = min(steering.TURN_RAD_S, max(_SLOWEST_TURN_RAD_S, left / CONTROL_STEP_S))
             twist = self._drivable(Twist(0.0, float(np.sign(angle_rad) * rate)), _ARC_ROOM_M)
             if twist is None:
                 return
@@ -285,7 +276,7 @@ class AttemptDriver:
         if backwards and self._backwards:
             points = np.concatenate([points, transform_points(self._behind, invert(odometry))])
         twist = self._careful(twist)
-        return collision_free_command(
+        return steering.collision_free_command(
             twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m, is_narrow=is_narrow
         )
 

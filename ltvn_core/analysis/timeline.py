@@ -65,7 +65,8 @@ class Timeline:
             loaded = -1
         if columns:
             timeline.frames.extend(*columns, placed_until=loaded)
-        timeline._fold(sorted(arrived, key=_step), _late_count(arrived))
+        with garbage_collection_paused():
+            timeline._fold(sorted(arrived, key=_step), _late_count(arrived))
         return timeline
 
     def append_frame(self, step: FrameId, stamp: float, pose: Pose) -> None:

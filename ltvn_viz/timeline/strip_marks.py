@@ -103,9 +103,15 @@ class StripMarks:
         return bool(np.abs(run.frames.driven_pose(number) - before).max() > _MOVED)
 
     def _mark(self, event: e.Event, before: NavigationProgress) -> tuple[ShownKind, int, int] | None:
-        row = describe_event(event, before)
-        kind: ShownKind | None = MarkKind.ADD if row.mark is MarkKind.EXPAND else row.mark
+        """Return kind and subject of an event's mark; only an event that may have one of the table is described."""
         match event:
+            case e.GraphChanged(delta=d.EdgeAdded(edge=edge)):
+                self._p[edge.source, edge.target] = edge.belief.p
+            case e.GraphChanged(delta=d.BeliefUpdated(source=source, target=target, belief=belief)):
+                was = self._p.get((source, target), belief.p)
+                self._p[source, target] = belief.p
+                kind = StripKind.ROSE if belief.p > was else StripKind.FELL
+                return None if belief.p == was else (kind, source, target)
             case e.QueryStarted(query=query, goal=goal):
                 return MarkKind.QUERY_START, query, goal
             case e.QueryEnded(query=query, outcome=outcome):
@@ -113,20 +119,18 @@ class StripMarks:
             case e.Judged(query=query, reached=False) if before.ended and before.ended.outcome is e.Outcome.ARRIVED:
                 return MarkKind.QUERY_END, query, QueryEnd.WRONG
             case e.Planned(nodes=()):
-                kind = StripKind.NO_PLAN if before.last_plan != () else None
-            case e.Planned() if not before.last_plan:
-                kind = StripKind.PLANNED
-            case e.GraphChanged(delta=d.EdgeAdded(edge=edge)):
-                self._p[edge.source, edge.target] = edge.belief.p
-            case e.GraphChanged(delta=d.BeliefUpdated(source=source, target=target, belief=belief)):
-                was = self._p.get((source, target), belief.p)
-                self._p[source, target] = belief.p
-                kind = kind if belief.p == was else StripKind.ROSE if belief.p > was else StripKind.FELL
+                return None if before.last_plan == () else (StripKind.NO_PLAN, _NOBODY, _NOBODY)
+            case e.Planned(nodes=nodes) if not before.last_plan:
+                return StripKind.PLANNED, nodes[0], nodes[-1]
             case e.WorldChanged(change=PersonMoved() | PersonLeft()):
-                kind = StripKind.PEOPLE_MOVED
+                return StripKind.PEOPLE_MOVED, _NOBODY, _NOBODY
             case _:
                 pass
+        if isinstance(event, e.GraphChanged) and event.delta.cause in d.BULK_CAUSES:
+            return None  # The changes that make a whole map are by far the most frequent events.
+        row = describe_event(event, before)
         first, second, *_ = (*row.about, _NOBODY, _NOBODY)
+        kind = MarkKind.ADD if row.mark is MarkKind.EXPAND else row.mark
         return None if kind is None else (kind, first, second)
 
 

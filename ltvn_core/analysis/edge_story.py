@@ -13,7 +13,6 @@ from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChang
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.presence.presence_filter import PresenceObservation
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import Collided
 from ltvn_core.types import NodeId
 
 
@@ -119,7 +118,7 @@ def edge_story(timeline: Timeline, source: NodeId, target: NodeId, until: Instan
         source=source,
         target=target,
         rows=tuple(_rows(timeline, source, target, count)),
-        attempts=tuple(each if until is None else _known_at(timeline, each, until) for each in attempts),
+        attempts=tuple(_known_at(each, until) for each in attempts),
         planned_at=tuple(
             plan.instant for plan in timeline.plans if plan.event < count and (source, target) in plan.edges
         ),
@@ -174,10 +173,7 @@ def _replaced_map(timeline: Timeline, epoch: int, edge: d.Edge) -> EdgeRow:
     return EdgeRow(first.instant, first.delta.cause, edge, None, whole_map=True)
 
 
-def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> AttemptRecord:
+def _known_at(attempt: AttemptRecord, until: Instant | None) -> AttemptRecord:
     """Return an attempt as known after a step: without its verdict while it was in progress."""
-    if attempt.end is not None and attempt.end.step <= instant.step:
-        return attempt
-    so_far = timeline.events[attempt.event : timeline.count_until(instant)]
-    collisions = sum(isinstance(stamped.event, Collided) for stamped in so_far)
-    return replace(attempt, end=None, ended=None, collisions=min(collisions, attempt.collisions))
+    is_over = until is None or (attempt.end is not None and attempt.end.step <= until.step)
+    return attempt if is_over else replace(attempt, end=None, ended=None)

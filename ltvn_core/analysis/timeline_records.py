@@ -102,7 +102,6 @@ class AttemptRecord:
     end: Instant | None
     """The instant of the verdict; None if the recording ends before."""
     ended: AttemptEnded | None
-    collisions: int
 
     @property
     def localised(self) -> Localised | None:

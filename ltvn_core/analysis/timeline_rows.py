@@ -17,7 +17,6 @@ from ltvn_core.navigation.event_table import EventDescription, MarkKind, Navigat
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
-    Collided,
     Event,
     GraphChanged,
     Judged,
@@ -26,14 +25,16 @@ from ltvn_core.navigation.events import (
     QueryStarted,
 )
 
-_STOPS = frozenset(MarkKind) - {
-    MarkKind.ADD,
-    MarkKind.SEEN_OPEN,
-    MarkKind.SEEN_BLOCKED,
-    MarkKind.DOOR_OPENED,
-    MarkKind.DOOR_CLOSED,
-    MarkKind.WORLD,
-}
+STOPS = (
+    MarkKind.MAP,
+    MarkKind.QUERY_START,
+    MarkKind.QUERY_END,
+    MarkKind.PRUNE,
+    MarkKind.EXPAND,
+    MarkKind.COLLISION,
+    MarkKind.FAILURE,
+    MarkKind.REPLAN,
+)
 """Kinds of marks at which stepping through the run stops. The others are too frequent, or are not actions of the
 robot."""
 
@@ -102,8 +103,6 @@ class TimelineRows:
                 self._planned(index, instant, event, before)
             case AttemptStarted():
                 self._attempt_started(index, instant, event)
-            case Collided() if self._attempt is not None:
-                self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
             case _:
@@ -111,7 +110,7 @@ class TimelineRows:
 
     def mark(self, index: int, instant: Instant, event: Event, row: EventDescription) -> None:
         """Mark event number `index`, if stepping through the run stops there."""
-        if row.mark is not None and row.mark in _STOPS:
+        if row.mark in STOPS:
             self._add_mark(Mark(kind=row.mark, instant=instant, event=index, ids=row.about, happened=event))
 
     def mark_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
@@ -146,7 +145,6 @@ class TimelineRows:
             plan=self._query.plans[-1] if self._query is not None and self._query.plans else None,
             end=None,
             ended=None,
-            collisions=0,
         )
 
     def _attempt_ended(self, instant: Instant, event: AttemptEnded) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 from PIL import Image
 
 from ltvn_core.analysis.answer_text import answer_text
-from ltvn_core.analysis.timeline_records import MarkKind, QueryRecord
+from ltvn_core.analysis.timeline_records import QueryRecord
+from ltvn_core.analysis.timeline_rows import STOPS
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.reports.map_png import map_png
@@ -203,7 +204,7 @@ _TIMELINE = (
     _FILE,
     a.number("from_s", "Seconds after the beginning; 0 if not given."),
     a.number("to_s", "Seconds after the beginning; the end if not given."),
-    a.choices("kinds", "Only events of these kinds; all if not given.", [kind.value for kind in MarkKind]),
+    a.choices("kinds", "Only events of these kinds; all if not given.", [kind.value for kind in STOPS]),
     a.whole("most", f"Largest number of rows, from the first on; {_MARKS} if not given.", least=1, most=MOST_MARKS),
 )
 _ASK = (

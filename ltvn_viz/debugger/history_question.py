@@ -1,7 +1,7 @@
 """History: counts and a strip of marks by kind, links from each event to the next, and traces of recent changes.
 
-Owns the texts, and the period in which pruned edges and new nodes count as recent.
-`ltvn_core.analysis.timeline_rows` decides which events get a mark; the page's timeline moves through time.
+Owns the texts, and the period in which pruned edges and new nodes count as recent. Marks come from
+`ltvn_core.navigation.event_table`; the page's timeline moves through time.
 """
 
 from collections.abc import Mapping, Sequence

@@ -31,7 +31,7 @@ def test_every_attempt_is_told_and_whether_it_counted() -> None:
     assert ended is not None
     assert (first.started.frame, ended.frame, ended.end) == (40, 60, AttemptEnd.COLLISION)
     assert (ended.distance, ended.reachability) == (0.9, 0.1)
-    assert (first.localised.node, first.collisions) == (1, 1)
+    assert first.localised.node == 1
 
 
 def test_an_attempt_has_no_verdict_before_it_ended() -> None:

@@ -69,13 +69,6 @@ def test_one_can_step_by_mark_by_event_and_by_query() -> None:
     assert earlier.instant.step == 20
 
 
-def test_an_attempt_knows_where_the_robot_thought_it_was_and_what_it_touched() -> None:
-    attempt = runs.timeline().attempts_of_edge(1, 2)[0]
-    assert attempt.localised is not None
-    assert attempt.localised.node == 1
-    assert (attempt.collisions, attempt.failed) == (1, True)
-
-
 def test_an_attempt_to_a_subgoal_farther_ahead_drives_all_edges_on_the_way() -> None:
     far = runs.attempt_started(0, 1, 0, 2, 20)
     run = [*runs.square(), *runs.at(20, QueryStarted(0, 2), Planned(0, (0, 1, 2), 2.0), far)]

@@ -93,6 +93,7 @@ def test_only_the_named_files_can_be_read(agent: AgentClient, name: str) -> None
         ("ask", {"file": FAULT, "question": "egde"}, "Did you mean edge?"),
         ("ask", {"file": FAULT, "nod": 3}, "Did you mean node?"),
         ("timeline", {"file": FAULT, "kinds": ["crash"]}, "collision"),
+        ("timeline", {"file": FAULT, "kinds": ["seen open"]}, "prune"),
         ("timeline", {"file": FAULT, "most": 10**9}, "from 1 to 500"),
         ("image", {"file": FAULT, "frame": 5}, "no image of frame 5"),
         ("delete", {}, "no tool"),

@@ -166,24 +166,6 @@ class CalibrationChart:
     colour: Rgb8
 
 
-class MarkLane(NamedTuple):
-    """Moments of one kind, drawn as one row."""
-
-    name: str
-    colour: Rgb8
-    times: tuple[float, ...]
-    """Times in seconds, ascending."""
-
-
-@dataclass(frozen=True, slots=True)
-class LaneChart:
-    """A chart of moments, with one row for each kind."""
-
-    lanes: tuple[MarkLane, ...]
-    time: Axis
-    now: float
-
-
 class LookMark(NamedTuple):
     """A moment at which an edge was seen open or blocked."""
 
@@ -201,7 +183,7 @@ class PresenceChart:
     now: float
 
 
-Chart: TypeAlias = StepChart | CalibrationChart | LaneChart | PresenceChart
+Chart: TypeAlias = StepChart | CalibrationChart | PresenceChart
 
 
 _NEAREST_M = 0.05

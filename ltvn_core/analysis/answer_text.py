@@ -19,10 +19,8 @@ from ltvn_core.analysis.answer import (
     Hint,
     Inline,
     Key,
-    LaneChart,
     Line,
     Link,
-    MarkLane,
     Paragraph,
     Pending,
     Picture,
@@ -34,9 +32,6 @@ from ltvn_core.analysis.answer import (
     Table,
     Term,
 )
-
-_MOST_MARKS = 12
-"""Greatest number of moments that the text names for a row of a chart; these are the latest ones."""
 
 
 def answer_text(answer: Answer) -> str:
@@ -84,7 +79,7 @@ def _block_text(block: Block) -> str:
             return line_text(parts).rstrip()
         case Table(head, rows):
             return _columns([list(head), *([line_text(cell) for cell in row] for row in rows)])
-        case StepChart() | CalibrationChart() | LaneChart() | PresenceChart():
+        case StepChart() | CalibrationChart() | PresenceChart():
             return _chart_text(block)
         case Pictures(pictures):
             return "\n".join(f"[{picture.caption}: {_frame_text(picture)}]" for picture in pictures)
@@ -107,22 +102,12 @@ def _chart_text(chart: Chart) -> str:
             return f"{y.label} over {x.label}: " + ", ".join(f"{at:g}: {value:.2f}" for at, value in points)
         case CalibrationChart(cells):
             return "\n".join(f"p {said:.2f}: true {true:.2f}, of {count} edges" for said, true, count in cells)
-        case LaneChart(lanes, now=now):
-            return "\n".join(_lane_text(lane, now) for lane in lanes if lane.times)
         case PresenceChart(points, looks, now):
             seen = ", ".join(f"{look.time:.0f} s {'open' if look.is_open else 'blocked'}" for look in looks)
             known = [p for at, p in points if at <= now]
             return f"p open now: {known[-1] if known else 1.0:.2f}; seen: {seen or 'never'}"
         case _:
             assert_never(chart)
-
-
-def _lane_text(lane: MarkLane, now: float) -> str:
-    """Return the latest moments up to `now`, and the number of later ones."""
-    past = [at for at in lane.times if at <= now]
-    named = ", ".join(f"{at:.1f} s" for at in past[-_MOST_MARKS:]) or "not yet"
-    later = len(lane.times) - len(past)
-    return f"{lane.name}: {'… ' if len(past) > _MOST_MARKS else ''}{named}{f'; later {later} more' if later else ''}"
 
 
 def _frame_text(picture: Picture) -> str:
@@ -148,8 +133,6 @@ def _block_json(block: Block, target: Callable[[object], Any]) -> dict[str, Any]
             }
         case CalibrationChart(cells):
             return {"kind": "calibration", "cells": [list(cell) for cell in cells]}
-        case LaneChart(lanes, now=now):
-            return {"kind": "lanes", "lanes": {lane.name: list(lane.times) for lane in lanes}, "now": now}
         case PresenceChart(points, looks, now):
             return {
                 "kind": "presence",

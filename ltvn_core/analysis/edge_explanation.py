@@ -5,12 +5,11 @@ the ground truth and finds the causes of failed episodes. `analysis.plan_explana
 """
 
 from collections.abc import Iterator
-from itertools import groupby
 
 from ltvn_core.analysis.edge_story import EdgeRow, EdgeStory, edge_story
 from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS, Reason, belief_text
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
+from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.config import BeliefConfig
 from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
 from ltvn_core.graph.operators import OperatorThresholds
@@ -101,7 +100,8 @@ def explain_edge(
 ) -> tuple[Reason, ...]:
     """Explain the belief of an edge at an instant, or why it is gone or missing; at the end of the run without one.
 
-    Linear in the plans and in the changes of the edge; for an edge that never was in the map, in those of the map.
+    The attempts along it are in `edge_story`. Linear in the plans and in the changes of the edge; for an edge that
+    never was in the map, in those of the map.
 
     Args:
         timeline: The run.
@@ -152,55 +152,21 @@ def _missing(
 
 
 def _steps(story: EdgeStory) -> Iterator[Reason]:
-    """Yield how an edge was added, the attempts that changed its belief, and the changes by hand."""
+    """Yield how an edge was added, and the changes of its belief that no attempt made."""
     born, *later = story.life
     assert born.after is not None  # A life begins with an addition.
     driven = f", driven {born.after.attempts} times before" if born.after.attempts else ""
     by_odometry = ", by odometry alone because no image was recognised in the other," * born.after.by_odometry
     how = f"was added {CAUSE_TEXTS[born.cause]}{by_odometry} with {belief_text(born.after.belief)}{driven}."
     yield Reason(f"Edge {story.source} -> {story.target} {how}", born.instant)
-    last_step = None if story.end is None else story.end.instant.step
-    lived = [
-        each
-        for each in story.attempts
-        if born.instant.step <= each.begin.step and (not last_step or each.begin.step <= last_step)
-    ]
-    for query, attempts in groupby(lived, key=lambda each: each.started.query):
-        yield from _attempts(story, query, list(attempts))
     for row in later:
         if row.is_update and row.attempt is None:
-            yield Reason(f"Its belief was set {CAUSE_TEXTS[row.cause]}: {_change(row)}.", row.instant)
+            yield Reason(f"Its belief was set {CAUSE_TEXTS[row.cause]}: p {p_change_text(row)}.", row.instant)
 
 
-def _attempts(story: EdgeStory, query: int, attempts: list[AttemptRecord]) -> Iterator[Reason]:
-    """Yield the attempts of a query that changed the belief, and how many did not, with the rule if there is one."""
-    counted, silent = [], []
-    for attempt in attempts:
-        row, ended = story.counted.get((query, attempt.started.attempt)), attempt.ended
-        name = f"Attempt {attempt.started.attempt} in query {query}"
-        if row is not None:
-            counted.append(attempt)
-            verdict = "failed (cut)" if ended is None else "succeeded" if ended.succeeded else ended.end.failure
-            reason = "it has not ended" if ended is None else ended.reason
-            yield Reason(f"{name} {verdict}: {reason}; {_change(row)}.", attempt.end or attempt.begin)
-        elif ended is None:
-            yield Reason(f"{name} has not ended.", attempt.begin)
-        else:
-            silent.append(attempt)
-    if silent:
-        failed = sum(each.failed for each in silent)
-        how_many = count_text(len(silent), "more attempt" if counted else "attempt")
-        of_these = f" ({failed} failed)" if failed else ""
-        is_repeated = failed and any(each.failed for each in counted)
-        rule = ": of several failures in a query only the first counts" * bool(is_repeated)
-        text = f"{how_many} along it in query {query}{of_these} did not change its belief{rule}."
-        yield Reason(text, silent[0].begin)
-
-
-def _change(row: EdgeRow) -> str:
-    assert row.before is not None
-    assert row.after is not None
-    return f"p from {row.before.belief.p:.2f} to {row.after.belief.p:.2f}"
+def p_change_text(row: EdgeRow) -> str:
+    """Return p before and after a step in the life of an edge, each a dash where the map did not have it."""
+    return " → ".join("–" if edge is None else f"{edge.belief.p:.2f}" for edge in (row.before, row.after))
 
 
 def _belief(story: EdgeStory) -> Reason:

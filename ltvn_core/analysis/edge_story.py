@@ -99,7 +99,7 @@ class EdgeStory:
     def counted(self) -> Mapping[tuple[int | None, int | None], EdgeRow]:
         """The change of belief by each attempt that counted, by query and attempt; the second failure of a query does
         not count."""
-        return {(row.query, row.attempt): row for row in self.life if row.is_update and row.attempt is not None}
+        return {(row.query, row.attempt): row for row in self.rows if row.is_update and row.attempt is not None}
 
     @property
     def looks(self) -> tuple[EdgeRow, ...]:

@@ -26,7 +26,6 @@ from ltvn_core.analysis.answer import (
     Hint,
     Inline,
     Key,
-    LaneChart,
     Line,
     Link,
     Paragraph,
@@ -83,7 +82,7 @@ def _block(block: Block, numbers: Iterator[int]) -> str:
             return f"<div>{_line(parts, numbers)}</div>"
         case Table(head, rows):
             return _table(head, rows, numbers)
-        case StepChart() | CalibrationChart() | LaneChart() | PresenceChart():
+        case StepChart() | CalibrationChart() | PresenceChart():
             return chart_svg(block)
         case Pictures(pictures):
             return f'<div class="lt-pair">{"".join(map(picture_figure, pictures))}</div>'

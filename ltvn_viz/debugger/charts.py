@@ -14,7 +14,6 @@ from ltvn_core.analysis.answer import (
     Axis,
     CalibrationChart,
     Chart,
-    LaneChart,
     PresenceChart,
     StepChart,
 )
@@ -24,7 +23,6 @@ from ltvn_core.palette import Rgb8
 
 WIDTH_PX = 360
 HEIGHT_PX = 156
-_LANE_PX = 9
 _LEFT_PX = 44
 _RIGHT_PX = 10
 _TOP_PX = 26
@@ -49,16 +47,14 @@ def chart_svg(chart: Chart) -> str:
             return _step_chart_svg(chart)
         case CalibrationChart():
             return _calibration_svg(chart)
-        case LaneChart():
-            return _lanes_svg(chart)
         case PresenceChart():
             return _presence_svg(chart)
         case _:
             assert_never(chart)
 
 
-def _svg(label: str, body: str, height_px: int = HEIGHT_PX) -> str:
-    size = f'viewBox="0 0 {WIDTH_PX} {height_px}"'
+def _svg(label: str, body: str) -> str:
+    size = f'viewBox="0 0 {WIDTH_PX} {HEIGHT_PX}"'
     return f'<svg {size} role="img" aria-label="{escape(label)}" class="lt-curve" font-size="{_FONT_PX}">{body}</svg>'
 
 
@@ -195,21 +191,3 @@ def _calibration_svg(chart: CalibrationChart) -> str:
         for said, true, count in chart.cells
     )
     return _svg(f"{y.label} over p", _axes(x, y) + promise + "".join(dots))
-
-
-def _lanes_svg(chart: LaneChart) -> str:
-    """Draw a named row of ticks for each lane, and a line at the moment on show."""
-    height = _LANE_PX * len(chart.lanes)
-    body = ""
-    for row, lane in enumerate(chart.lanes):
-        # Marks in the same column are merged, which limits the size of the SVG.
-        columns = sorted({_lane_column(chart.time, at) for at in lane.times})
-        ticks = "".join(f"M{column} {row * _LANE_PX + 1}v{_LANE_PX - 2}" for column in columns)
-        title = f"<title>{escape(lane.name)}: {len(lane.times)}</title>"
-        body += f'<path d="{ticks}" stroke="{lane.colour.css}" stroke-width="2">{title}</path>' if ticks else ""
-    body += f'<path d="M{_lane_column(chart.time, chart.now)} 0v{height}" stroke="white" stroke-width="1.5"/>'
-    return _svg("marks over time", body, height)
-
-
-def _lane_column(time: Axis, at: float) -> int:
-    return round(2 + min(max(time.share(at), 0.0), 1.0) * (WIDTH_PX - 4))

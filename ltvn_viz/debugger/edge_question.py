@@ -24,7 +24,7 @@ from ltvn_core.analysis.answer import (
     Term,
     joined,
 )
-from ltvn_core.analysis.edge_explanation import explain_edge, explain_node
+from ltvn_core.analysis.edge_explanation import explain_edge, explain_node, p_change_text
 from ltvn_core.analysis.edge_story import EdgeStory, edge_story
 from ltvn_core.analysis.plan_explanation import Reason, explain_planned_edge
 from ltvn_core.analysis.timeline_records import AttemptRecord, MarkKind
@@ -173,8 +173,8 @@ def _add_later_change(context: DebugContext, story: EdgeStory, builder: AnswerBu
 def _add_attempts(context: DebugContext, story: EdgeStory, edge: Edge, builder: AnswerBuilder) -> None:
     if story.attempts:
         builder.add_line(Strong("Attempts"))
-        rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
-        builder.add_table(("when", "from", "result", "d", "r"), rows)
+        rows = [_attempt(context, story, each) for each in story.attempts[-_ATTEMPTS:]]
+        builder.add_table(("when", "from", "result", "d", "r", "p"), rows)
         return
     earlier = f"; {count_text(edge.attempts, 'attempt')} were loaded with the map" if edge.attempts else ""
     builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
@@ -209,14 +209,24 @@ def _overlay(context: DebugContext, story: EdgeStory, decided: tuple[Stroke, ...
     )
 
 
-def _attempt(context: DebugContext, attempt: AttemptRecord) -> tuple[Inline, ...]:
+def _attempt(context: DebugContext, story: EdgeStory, attempt: AttemptRecord) -> tuple[Inline, ...]:
     localised, ended = attempt.localised, attempt.ended
     at = "–" if localised is None or localised.node is None else str(localised.node)
     begin = time_link(context.seconds(attempt.begin))
     if ended is None:
-        return begin, at, Hint("under way", "it has not ended"), "–", "–"
+        return begin, at, Hint("under way", "it has not ended"), "–", "–", "–"
     result = Hint("success" if ended.succeeded else ended.end.failure, ended.reason)
-    return begin, at, result, _number(ended.distance), _number(ended.reachability)
+    return begin, at, result, _number(ended.distance), _number(ended.reachability), _counted(story, attempt)
+
+
+def _counted(story: EdgeStory, attempt: AttemptRecord) -> Inline:
+    """Return how an attempt changed p; a failure after another one in its query does not."""
+    query = attempt.started.query
+    if (row := story.counted.get((query, attempt.started.attempt))) is not None:
+        return p_change_text(row)
+    counted = [each for each in story.attempts if (each.started.query, each.started.attempt) in story.counted]
+    is_repeated = attempt.failed and any(each.failed and each.started.query == query for each in counted)
+    return Hint("same", "of several failures in a query only the first counts") if is_repeated else "same"
 
 
 def _where(waypoint: Waypoint) -> str:

@@ -1,4 +1,4 @@
-"""History: counts and a strip of marks by kind, links from each event to the next, and traces of recent changes.
+"""History: counts of marks by kind, links from each event to the next, and traces of recent changes.
 
 Owns the texts, and the period in which pruned edges and new nodes count as recent. Marks come from
 `ltvn_core.navigation.event_table`; the page's timeline moves through time.
@@ -11,7 +11,7 @@ from typing import Never
 import numpy as np
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Axis, Inline, Key, LaneChart, MarkLane
+from ltvn_core.analysis.answer import Inline, Key
 from ltvn_core.analysis.timeline import adjacent_mark
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, NodeAdded
@@ -58,7 +58,6 @@ class HistoryQuestion(Question[Never]):
             builder.add_line("There are no notable events yet: build a map, or let the robot navigate.")
             return builder.build(_recent_changes(context))
         builder.add_table(("", "so far", "of all", "", ""), [_row(context, kind) for kind in MARK_STYLES])
-        builder.add_chart(_mark_lanes(context))
         past = reversed(context.timeline.marks_until(context.instant))
         for mark in islice((mark for mark in past if mark.kind is not MarkKind.QUERY_END), _LAST):
             builder.add_line(time_link(context.seconds(mark.instant)), f" {mark.text}")
@@ -84,18 +83,6 @@ def _way(context: DebugContext, mark: Mark | None, arrow: str) -> Inline:
         return "–"
     seconds = context.seconds(mark.instant)
     return time_link(seconds, arrow.format(f"{seconds:.1f} s"), about=mark.text)
-
-
-def _mark_lanes(context: DebugContext) -> LaneChart:
-    """Return a chart of all known marks, with a lane for each kind."""
-    timeline = context.timeline
-    start_s = context.start_s
-    until = max(timeline.instant(len(timeline.events) - 1).stamp, context.moment.stamp)
-    lanes = tuple(
-        MarkLane(name, colour, tuple(mark.instant.stamp - start_s for mark in timeline.marks_until(None, kind)))
-        for kind, (name, colour) in MARK_STYLES.items()
-    )
-    return LaneChart(lanes, Axis("time, s", 0.0, until - start_s), now=context.moment.stamp - start_s)
 
 
 def _recent_changes(context: DebugContext) -> Overlay:

@@ -54,7 +54,7 @@ def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent
     assert len(timeline.graph_at().edges) == 49_985
     story = edge_story(timeline, LEGS - 1, LEGS)
     assert (len(story.attempts), len(story.planned_at)) == (QUERIES, QUERIES * LEGS)
-    assert len(explain_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
+    assert len(explain_edge(timeline, LEGS - 1, LEGS)) == 2
     assert len(explain_planned_edge(timeline, 0, 1, Rules(PAPER))) == 3
     assert len(failed_queries(timeline)) == QUERIES // 10
     assert lifelong_success(timeline).edges.tolist() == [49_985] * QUERIES

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import LaneChart
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph import deltas as d
 from ltvn_core.navigation import events as e
@@ -19,7 +18,7 @@ from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Action
 from tests.repository import RECORDINGS
-from tests.viz.debugger.answer_links import answer_of, follow, words
+from tests.viz.debugger.answer_links import follow, words
 from tests.viz.session_harness import SessionHarness, said
 
 
@@ -78,7 +77,6 @@ def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -
     counted = past.do(c.Ask(c.Action.QUESTION, QuestionName.TIME))
     assert counted.inspection.answer.overlay.nodes == {90_000: palette.EDGE_ADDED}
     assert len(counted.inspection.answer.overlay.strokes) == 1
-    assert any(isinstance(block, LaneChart) for block in answer_of(counted).blocks)
     seek_mark(past.state, MarkKind.PRUNE, forwards=False)
     before = past.wait()
     assert before.moment.stamp == pytest.approx(past.pruned_s, abs=1e-3)

@@ -23,7 +23,6 @@ _UNITS_S = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S, "d": DAY_S}
 
 _TIME_OF_DAY = re.compile(r"(?:at\s+)?(?:day\s+(\d+),?\s+)?(\d{1,2}):(\d{2})", re.IGNORECASE)
 _WAIT = re.compile(r"in\s+(\d+(?:\.\d+)?)\s*(s|min|h|d)", re.IGNORECASE)
-_AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)\s+ago", re.IGNORECASE)
 TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
 """One example of each form of a future time, for help texts."""
 
@@ -38,7 +37,7 @@ class TimeOfDay:
 
 @dataclass(frozen=True, slots=True)
 class TimeAway:
-    """A time relative to now, in seconds; negative for the past."""
+    """A time ahead of now, in seconds."""
 
     seconds: float
 
@@ -69,19 +68,6 @@ def _time_after(timeline: Timeline, count: int, stamp: float) -> float:
     return stamp
 
 
-def event_count_at(timeline: Timeline, at_s: float) -> int:
-    """Return the number of events of a run up to a time of the world; linear in the events."""
-    count = 0
-    offset_s = 0.0
-    for number, stamped in enumerate(timeline.events):
-        stamp = timeline.instant(number).stamp
-        told = _told_time(stamped)
-        offset_s = offset_s if told is None else told - stamp
-        if stamp + offset_s <= at_s:
-            count = number + 1
-    return count
-
-
 def latest_known_time(graph: TopologicalGraph, now_s: float) -> float:
     """Return `now_s`, or the time of the map's latest observation if that is later, as in a map from a run with a later
     clock."""
@@ -98,12 +84,6 @@ def _told_time(stamped: StampedEvent) -> float | None:
             return None
 
 
-def names_time(text: str) -> bool:
-    """Tell whether a text has the form of a time; the time itself may be invalid, such as 25:00."""
-    words = " ".join(text.split())
-    return any(form.fullmatch(words) for form in (_TIME_OF_DAY, _WAIT, _AGO))
-
-
 def parse_world_time(text: str) -> WorldTime:
     """Parse a time. Raises OptionError, which lists the valid forms, for anything else."""
     words = " ".join(text.split())
@@ -114,8 +94,6 @@ def parse_world_time(text: str) -> WorldTime:
             return TimeOfDay(seconds, None if day is None else int(day))
     elif found := _WAIT.fullmatch(words):
         return TimeAway(float(found[1]) * _UNITS_S[found[2].lower()])
-    elif found := _AGO.fullmatch(words):
-        return TimeAway(-float(found[1]) * _UNITS_S[found[2].lower()])
     raise OptionError(
         f"{text[:60]!r} is not a time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
     )
@@ -126,35 +104,19 @@ def format_world_time(time: WorldTime) -> str:
     if isinstance(time, TimeOfDay):
         day = "" if time.day is None else f"day {time.day} "
         return f"at {day}{_hours_text(time.seconds)}"
-    length = _exact_text(abs(time.seconds))
-    return f"in {length}" if time.seconds >= 0 else f"{length} ago"
+    return f"in {_exact_text(time.seconds)}"
 
 
 def time_ahead(time: WorldTime, now_s: float) -> float:
     """Return the next occurrence of a time, in seconds of the world. Raises OptionError if it is in the past."""
-    at_s = _resolved(time, now_s)
-    if isinstance(time, TimeOfDay) and time.day is None and at_s < now_s:
+    if isinstance(time, TimeAway):
+        return now_s + time.seconds
+    at_s = (math.floor(now_s / DAY_S) if time.day is None else time.day - 1) * DAY_S + time.seconds
+    if time.day is None and at_s < now_s:
         at_s += DAY_S
     if at_s < now_s:
         raise OptionError(f"It is {clock_text(now_s)} already; imagine a later time, such as in 1 h.")
     return at_s
-
-
-def time_behind(time: WorldTime, now_s: float) -> float:
-    """Return the last occurrence of a time, in seconds of the world. Raises OptionError if it is in the future."""
-    at_s = _resolved(time, now_s)
-    if isinstance(time, TimeOfDay) and time.day is None and at_s > now_s:
-        at_s -= DAY_S
-    if at_s > now_s:
-        raise OptionError(f"It is only {clock_text(now_s)}; name an earlier time, such as 1 h ago.")
-    return at_s
-
-
-def _resolved(time: WorldTime, now_s: float) -> float:
-    if isinstance(time, TimeAway):
-        return now_s + time.seconds
-    day = math.floor(now_s / DAY_S) if time.day is None else time.day - 1
-    return day * DAY_S + time.seconds
 
 
 def clock_text(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Two maps to compare, with the events before them: this one, and another from a recording or another time.
+"""Two maps to compare, with the events before them: this one, and another from a recording or before the first query.
 
 Owns the search for the other map. The differences are computed in `ltvn_core.analysis`.
 """
@@ -11,12 +11,7 @@ from ltvn_core.analysis.map_comparison import MapDifference, MapMetrics, compare
 from ltvn_core.analysis.presence_forecast import PresenceChange, presence_as_if, presence_changes
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
-    WorldTime,
-    clock_text,
-    event_count_at,
-    format_world_time,
     latest_known_time,
-    time_behind,
     world_time_before,
 )
 from ltvn_core.data.recording.reader import Recording
@@ -75,19 +70,6 @@ def map_of_moment(context: DebugContext) -> ComparedMap:
 def map_before_first_query(context: DebugContext) -> ComparedMap:
     """Return the map from before the run's first query; if there is no query yet, the map on show."""
     return _map_before(context, first_query_event(context), BEFORE_FIRST_QUERY)
-
-
-def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
-    """Return the map of this run at an earlier time of the world; raises OptionError for a later time.
-
-    If the run had no map at that time, return its map from before the first query.
-    """
-    at_s = time_behind(time, context.world_s)
-    found = _map_before(
-        context, event_count_at(context.timeline, at_s), f"{format_world_time(time)}, {clock_text(at_s)}", at_s
-    )
-    named = f"when the run began, later than {clock_text(at_s)}"
-    return found if found.graph.nodes else _map_before(context, first_query_event(context), named)
 
 
 def _map_before(context: DebugContext, count: int, name: str, at_s: float | None = None) -> ComparedMap:

@@ -1,11 +1,10 @@
 """Compare: the differences between this map and another one, or its own past, as numbers and colours.
 
-This includes changes since an earlier time: edges that are closed now or open again, and new nodes and edges.
+This includes what changed since the first query: edges that are closed now or open again, and new nodes and edges.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeGuard
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Key, Step
@@ -13,14 +12,7 @@ from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, Mat
 from ltvn_core.analysis.presence_forecast import PresenceState
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
-    DAY_S,
-    TimeAway,
-    WorldTime,
     clock_text,
-    names_time,
-    parse_world_time,
-    time_behind,
-    world_time_at,
 )
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Edge
@@ -35,7 +27,6 @@ from ltvn_viz.debugger.compared_map import (
     MapComparison,
     compare,
     first_query_event,
-    map_at_time,
     map_before_first_query,
     map_of_moment,
     opened_map,
@@ -50,19 +41,17 @@ _NAMES = 10
 _ROWS = 20
 _PRESENCE_ROWS = 12
 _STROKES = 4000
-_ASKS = "Name of a recording, or a time (1 h ago, at 18:00)"
-_TIMES = (TimeAway(-600.0), TimeAway(-3600.0), TimeAway(-DAY_S))
-_NAMED_TIMES = ("ten minutes ago", "an hour ago", "yesterday at this time")
+_ASKS = "Name of a recording"
 CLOSED = palette.TARGET
 RETURNED = palette.SOURCE
 
 
 @dataclass(frozen=True, slots=True)
 class CompareWith(QuestionRequest):
-    """Compare with the map of a recording, or with this run at a time of the world or before its first query."""
+    """Compare with the map of a recording, or with this run before its first query."""
 
-    other: str | WorldTime | None
-    """Name of a recording, or a time; None for the list of maps to compare with."""
+    other: str | None
+    """Name of a recording, or `BEFORE_FIRST_QUERY`; None for the list of maps to compare with."""
 
 
 class ComparisonQuestion(Question[CompareWith]):
@@ -74,9 +63,9 @@ class ComparisonQuestion(Question[CompareWith]):
 
     def __init__(self) -> None:
         """Start without another map."""
-        self._other: str | WorldTime | None = None
+        self._other: str | None = None
         self._latest = LatestAnswer()
-        self._earlier: tuple[Hashable, Timeline, ComparedMap] | None = None
+        self._earlier: tuple[tuple[int, Timeline], ComparedMap] | None = None
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer recordings, or show the differences to the chosen one."""
@@ -90,8 +79,7 @@ class ComparisonQuestion(Question[CompareWith]):
             builder.add_line(str(error))
             return builder.build()
         if there is None:
-            named = self._other if _is_recording(self._other) else "what was before"
-            builder.add_pending(f"Opening {named}")
+            builder.add_pending(f"Opening {self._other}")
             return builder.build()
         question = "compare", context.name, context.revision(Collided, QueryEnded, Judged, WorldChanged), there.name
         here = map_of_moment(context)
@@ -105,48 +93,34 @@ class ComparisonQuestion(Question[CompareWith]):
         return _difference(builder, found, selection)
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Choose another recording by its name, or a time; raises RecordingError, OptionError."""
-        self.handle_request(context, CompareWith(parse_world_time(text) if names_time(text) else text.strip()))
+        """Choose another recording by its name; raises RecordingError."""
+        self.handle_request(context, CompareWith(text.strip()))
 
     def handle_request(self, context: DebugContext, request: CompareWith) -> None:
         """Choose the other map, or none; raises RecordingError if there is no recording with that name."""
-        other = request.other
-        if _is_recording(other):
-            context.library.path(other)
-        elif not isinstance(other, str | None):
-            time_behind(other, context.world_s)
-        self._other = other
+        if request.other not in (None, BEFORE_FIRST_QUERY):
+            context.library.path(request.other)
+        self._other = request.other
         self._latest.forget()
 
-    def _there(self, context: DebugContext, other: str | WorldTime) -> ComparedMap | None:
-        if _is_recording(other):
+    def _there(self, context: DebugContext, other: str) -> ComparedMap | None:
+        if other != BEFORE_FIRST_QUERY:
             path = context.library.path(other)
             return context.in_background(("open", other, path.stat().st_mtime_ns), lambda: opened_map(path))
-        # A relative time moves with the moment; it is rounded to minutes, so that the cache can be used.
-        moment = round(context.world_s / 60) if not isinstance(other, str) else 0
-        key = other, first_query_event(context), moment
-        if self._earlier is None or self._earlier[:2] != (key, context.timeline):
-            made = map_before_first_query(context) if isinstance(other, str) else map_at_time(context, other)
-            self._earlier = key, context.timeline, made
-        return self._earlier[2]
-
-
-def _is_recording(other: str | WorldTime | None) -> TypeGuard[str]:
-    return isinstance(other, str) and other != BEFORE_FIRST_QUERY
+        key = first_query_event(context), context.timeline
+        if self._earlier is None or self._earlier[0] != key:
+            self._earlier = key, map_before_first_query(context)
+        return self._earlier[1]
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
     builder.add_line("Compare with:")
     names = [name for name in context.library.names() if name != context.name]
-    offered: list[list[Inline]] = []
     if context.timeline.queries:
-        offered.append(["this run, ", request_link(BEFORE_FIRST_QUERY, CompareWith(BEFORE_FIRST_QUERY))])
-    offered += _offered_times(context)
+        builder.add_line("this run, ", request_link(BEFORE_FIRST_QUERY, CompareWith(BEFORE_FIRST_QUERY)))
     for name in names[:_NAMES]:
-        offered.append([request_link(name, CompareWith(name))])
-    for each in offered:
-        builder.add_line(each)
-    if not offered:
+        builder.add_line(request_link(name, CompareWith(name)))
+    if not names and not context.timeline.queries:
         builder.add_line(
             Step(
                 "There is no other map yet: copy a recording or a map into the recordings folder, or drive to a goal.",
@@ -156,18 +130,6 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
     if len(names) > _NAMES:
         builder.add_line(f"… and {len(names) - _NAMES} more: type the name.")
     return builder.build(input_hint=_ASKS)
-
-
-def _offered_times(context: DebugContext) -> list[list[Inline]]:
-    """Return the offered times that lie within the run."""
-    if not context.timeline.events:
-        return []
-    began_s = world_time_at(context.timeline, context.timeline.instant(0))
-    return [
-        ["this run, ", request_link(name, CompareWith(time))]
-        for name, time in zip(_NAMED_TIMES, _TIMES, strict=True)
-        if context.world_s + time.seconds > began_s
-    ]
 
 
 def _metrics_table(builder: AnswerBuilder, found: MapComparison) -> None:

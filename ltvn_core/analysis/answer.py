@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.graph.presence.presence_filter import PresenceObservation
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import Observation, Waypoint
 
@@ -166,20 +167,13 @@ class CalibrationChart:
     colour: Rgb8
 
 
-class LookMark(NamedTuple):
-    """A moment at which an edge was seen open or blocked."""
-
-    time: float
-    is_open: bool
-
-
 @dataclass(frozen=True, slots=True)
 class PresenceChart:
     """The probability that an edge is open, over the time of the world, with the observations of the edge."""
 
     points: tuple[tuple[float, float], ...]
     """(time in seconds, p), time ascending; those after `now` are predicted."""
-    looks: tuple[LookMark, ...]
+    looks: tuple[PresenceObservation, ...]
     now: float
 
 

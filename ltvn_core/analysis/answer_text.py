@@ -103,7 +103,7 @@ def _chart_text(chart: Chart) -> str:
         case CalibrationChart(cells):
             return "\n".join(f"p {said:.2f}: true {true:.2f}, of {count} edges" for said, true, count in cells)
         case PresenceChart(points, looks, now):
-            seen = ", ".join(f"{look.time:.0f} s {'open' if look.is_open else 'blocked'}" for look in looks)
+            seen = ", ".join(f"{look.stamp_s:.0f} s {'open' if look.present else 'blocked'}" for look in looks)
             known = [p for at, p in points if at <= now]
             return f"p open now: {known[-1] if known else 1.0:.2f}; seen: {seen or 'never'}"
         case _:
@@ -137,7 +137,7 @@ def _block_json(block: Block, target: Callable[[object], Any]) -> dict[str, Any]
             return {
                 "kind": "presence",
                 "points": [list(point) for point in points],
-                "looks": [{"time": look.time, "open": look.is_open} for look in looks],
+                "looks": [{"time": look.stamp_s, "open": look.present} for look in looks],
                 "now": now,
             }
         case Pictures(pictures):

@@ -38,7 +38,7 @@ def explain_node(timeline: Timeline, node: NodeId, *, at: Instant | None = None)
 
 def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[Reason]:
     yield Reason(f"Image {node} has never been a node.")
-    for change in timeline.changes_before(count):
+    for change in timeline.changes[: timeline.change_count_before(count)]:
         if isinstance(change.delta, FramesReserved) and node in change.delta.frames:
             text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}; it can still become a node."
             yield Reason(text, change.instant)

@@ -8,10 +8,9 @@ failure.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from math import hypot, inf
-from typing import NamedTuple
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
@@ -41,12 +40,14 @@ _STEPS_PER_S = 10.0
 """Control steps per second, for a query that is too short to measure them."""
 
 
-class Setback(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Setback:
     """An event in which something went wrong."""
 
     event: int
     """Index in the timeline's events."""
     text: str
+    """What went wrong, as a sentence."""
     edge: EdgeKey | None
     """The edge that was being driven; None if there was none."""
     node: NodeId | None
@@ -82,23 +83,15 @@ def _failure_mode(event: Event) -> FailureMode:
 
 
 @dataclass(frozen=True, slots=True)
-class FailedQuery:
-    """A failed query, and the moment and place at which it failed."""
+class FailedQuery(Setback):
+    """A failed query, and the setback from which it did not recover."""
 
     query: QueryRecord
     failure_mode: FailureMode
     instant: Instant
     """One second before the setback."""
-    event: int
-    """Index of the setback in the timeline's events."""
-    text: str
-    """The setback as a sentence."""
-    edge: EdgeKey | None
-    """The edge that was being driven; None if there was none."""
-    node: NodeId | None
-    """Last node at which the robot was localised; None if there is none."""
     pose: PoseRow | None
-    """Pose of that node by odometry."""
+    """Pose of `node` by odometry."""
 
     @property
     def ending(self) -> str:
@@ -152,7 +145,7 @@ def failed_query(timeline: Timeline, query: QueryRecord) -> FailedQuery:
         failure_mode=_failure_mode(timeline.events[setback.event].event),
         instant=max(begin, second_before),
         pose=poses[-1] if poses else None,
-        **setback._asdict(),
+        **asdict(setback),
     )
 
 

@@ -197,14 +197,6 @@ class Timeline:
         """Return the number of changes of all maps before event number `event`. Takes logarithmic time."""
         return self._maps.count_before(event)
 
-    def changes_until(self, instant: Instant | None = None) -> Sequence[MapChange]:
-        """Return the changes of all maps up to the end of a step, or of the run without an instant; linear in them."""
-        return self.changes_before(self.count_until(instant))
-
-    def changes_before(self, event: int) -> Sequence[MapChange]:
-        """Return the changes of all maps before event number `event`; linear in them."""
-        return self.changes[: self.change_count_before(event)]
-
     def changes_of_edge(self, source: NodeId, target: NodeId) -> Sequence[MapChange]:
         """Return all changes of an edge in order; empty if the edge was never in the map; linear in them."""
         return self._maps.of_edge((source, target))

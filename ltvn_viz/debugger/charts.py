@@ -89,10 +89,10 @@ def _presence_svg(chart: PresenceChart) -> str:
     body = _axes(x, y, _clock_ticks(x)) + _limits(y, ((OPEN_ABOVE, "counts as open"),)) + _now(x, chart.now)
     body += _curve(x, y, past) + _curve(x, y, ahead, ' stroke-dasharray="4 3"')
     for look in chart.looks:
-        if first_s <= look.time <= last_s:
-            colour = palette.EDGE_ADDED if look.is_open else palette.EDGE_REMOVED
-            words = f"seen {'open' if look.is_open else 'blocked'}, {clock_text(look.time)}"
-            body += _dot(x, y, look.time, float(look.is_open), colour, words)
+        if first_s <= look.stamp_s <= last_s:
+            colour = palette.EDGE_ADDED if look.present else palette.EDGE_REMOVED
+            words = f"seen {'open' if look.present else 'blocked'}, {clock_text(look.stamp_s)}"
+            body += _dot(x, y, look.stamp_s, float(look.present), colour, words)
     return _svg("probability that the edge is open, over time", body)
 
 

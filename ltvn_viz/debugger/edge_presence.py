@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, LookMark, PresenceChart, Strong
+from ltvn_core.analysis.answer import Coloured, Inline, Key, Link, PresenceChart, Strong
 from ltvn_core.analysis.edge_story import EdgeStory
 from ltvn_core.analysis.plan_explanation import PresenceDecision, explain_decision, presence_decision
 from ltvn_core.analysis.presence_forecast import (
@@ -113,8 +113,7 @@ def _forecast(seen: Sequence[PresenceObservation], presence_filter: PresenceFilt
 
 def _show_forecast(seen: Sequence[PresenceObservation], forecast: _Forecast, builder: AnswerBuilder) -> None:
     now_s, points, soon, back_s = forecast
-    looks = tuple(LookMark(each.stamp_s, each.present) for each in seen)
-    builder.add_chart(PresenceChart(points, looks, now_s))
+    builder.add_chart(PresenceChart(points, tuple(seen), now_s))
     builder.add_line(
         Key(palette.EDGE_ADDED, "seen open"),
         Key(palette.EDGE_REMOVED, "seen blocked"),

@@ -293,8 +293,8 @@ def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]
     timeline = context.timeline
     counts = Counter[EdgeKey]()
     ends = dict[EdgeKey, str]()
-    first = timeline.change_count_before(timeline.count_until(dip.before))
-    for change in timeline.changes_until(dip.after)[first:]:
+    first, last = (timeline.change_count_before(timeline.count_until(each)) for each in (dip.before, dip.after))
+    for change in timeline.changes[first:last]:
         delta = change.delta
         match delta:
             case EdgePruned():

@@ -5,6 +5,7 @@ the analysis use the same one. `analysis.timeline_records` defines the rows, `an
 `analysis.map_history` holds the maps. Holds no images.
 """
 
+import itertools
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
@@ -31,6 +32,8 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, NodeId, Pose
 
 _Row = TypeVar("_Row")
+_STEP = attrgetter("step")
+_STEP_OF_MARK = attrgetter("instant.step")
 _SAME_S = 1e-5
 """Greatest difference in seconds between two moments that are the same moment for the page."""
 
@@ -66,7 +69,7 @@ class Timeline:
         if columns:
             timeline.frames.extend(*columns, placed_until=loaded)
         with garbage_collection_paused():
-            timeline._fold(sorted(arrived, key=_step), _late_count(arrived))
+            timeline._fold(sorted(arrived, key=_STEP), _late_count(arrived))
         return timeline
 
     def append_frame(self, step: FrameId, stamp: float, pose: Pose) -> None:
@@ -84,7 +87,7 @@ class Timeline:
         event that has only an earlier stamp gets the latest stamp.
         """
         if self._events and stamped.step < self._events[-1].step:
-            self._fold(sorted([*self._events, stamped], key=_step), self._late + 1)
+            self._fold(sorted([*self._events, stamped], key=_STEP), self._late + 1)
         else:
             self._append(stamped)
 
@@ -95,8 +98,7 @@ class Timeline:
         twin._stamps = list(self._stamps)
         twin._progress = list(self._progress)
         twin._maps = self._maps.copy()
-        twin._known_rows = self._rows.copy()
-        twin._row_events = self._row_events
+        twin._rows = self._rows.copy()
         return twin
 
     @property
@@ -122,7 +124,7 @@ class Timeline:
     @property
     def marks(self) -> Sequence[Mark]:
         """All marks."""
-        return self._known_rows.marks[None]
+        return self._rows.marks[None]
 
     @property
     def changes(self) -> Sequence[MapChange]:
@@ -176,7 +178,7 @@ class Timeline:
 
     def count_until(self, instant: Instant | None) -> int:
         """Return the number of events up to the end of a step; all without an instant. Takes logarithmic time."""
-        return len(self._events) if instant is None else bisect_right(self._events, instant.step, key=_step)
+        return len(self._events) if instant is None else bisect_right(self._events, instant.step, key=_STEP)
 
     def progress_before(self, event: int) -> NavigationProgress:
         """Return the state of navigation just before event number `event`."""
@@ -219,8 +221,8 @@ class Timeline:
     def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> Sequence[Mark]:
         """Return the marks up to the end of a step, or all marks without an instant; only those of one kind if `kind`
         is given."""
-        marks = self._known_rows.marks.get(kind, ())
-        return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
+        marks = self._rows.marks.get(kind, ())
+        return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_STEP_OF_MARK)]
 
     @property
     def _closed(self) -> ClosedRows:
@@ -235,9 +237,7 @@ class Timeline:
         self._stamps: list[float] = []
         self._progress: list[NavigationProgress] = []
         self._maps = MapHistory()
-        self._known_rows = TimelineRows()
-        self._row_events = 0
-        """Number of events with rows; the rest get rows on demand."""
+        self._rows = TimelineRows()
         self._closed_at: tuple[int, ClosedRows] | None = None
         self._late = 0
 
@@ -257,23 +257,12 @@ class Timeline:
             self._maps.append(number, instant, event, seen_from)
             if number in self._maps.begun_by:
                 before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
-                self._known_rows.mark_map(number, instant, event.delta.cause, self._maps.begun_by[number])
+                self._rows.begin_map(number, instant, event.delta.cause, self._maps.begun_by[number])
         row = describe_event(event, before)
-        self._known_rows.mark(number, instant, event, row)
+        self._rows.take(number, instant, event, before, row)
         self._progress.append(row.after)
         self._stamps.append(stamp)
         self._events.append(stamped)
-
-    @property
-    def _rows(self) -> TimelineRows:
-        """The rows of all events so far."""
-        with garbage_collection_paused():
-            rows = self._known_rows
-            for number in range(self._row_events, len(self._events)):
-                rows.epoch = self._maps.begun_by.get(number, rows.epoch)
-                rows.take(number, self.instant(number), self._events[number].event, self.progress_before(number))
-        self._row_events = len(self._events)
-        return rows
 
 
 def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:
@@ -298,25 +287,11 @@ def _adjacent(rows: Sequence[_Row], instant: Callable[[_Row], Instant], at: Inst
 
 def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
     """Return the step at which the first map of a run was loaded, -1 if none was."""
-    for stamped in events[:1]:
-        if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
-            return stamped.step
-    return -1
+    first = events[0].event if events else None
+    return events[0].step if isinstance(first, GraphChanged) and first.delta.cause is Cause.LOAD else -1
 
 
 def _late_count(events: Sequence[StampedEvent]) -> int:
     """Return the number of events that come after an event of a later step."""
-    latest = -1
-    late = 0
-    for stamped in events:
-        late += stamped.step < latest
-        latest = max(latest, stamped.step)
-    return late
-
-
-def _step(stamped: StampedEvent) -> FrameId:
-    return stamped.step
-
-
-def _step_of_mark(mark: Mark) -> FrameId:
-    return mark.instant.step
+    latest = itertools.accumulate(map(_STEP, events), max)
+    return sum(stamped.step < step for stamped, step in zip(events, latest, strict=True))

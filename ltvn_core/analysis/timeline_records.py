@@ -104,11 +104,6 @@ class AttemptRecord:
     ended: AttemptEnded | None
 
     @property
-    def localised(self) -> Localised | None:
-        """The localisation before the attempt."""
-        return self.plan.localised if self.plan else None
-
-    @property
     def failed(self) -> bool:
         """Whether the attempt ended without success."""
         return self.ended is not None and not self.ended.succeeded

@@ -61,7 +61,7 @@ class TimelineRows:
         self.notes: list[str] = []
         """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
-        self.epoch = 0
+        self._epoch = 0
         """Number of the map in which the next query starts."""
         self._query: QueryRecord | None = None
         """The query in progress, as far as it is known."""
@@ -88,8 +88,12 @@ class TimelineRows:
             notes=tuple(twin.notes),
         )
 
-    def take(self, index: int, instant: Instant, event: Event, before: NavigationProgress) -> None:
-        """Process the next event but for its mark. It is number `index`; `before` is the progress before it."""
+    def take(
+        self, index: int, instant: Instant, event: Event, before: NavigationProgress, row: EventDescription
+    ) -> None:
+        """Process the next event, number `index`, with its row; `before` is the progress before it."""
+        if row.mark is not None and row.mark in STOPS:
+            self._add_mark(Mark(kind=row.mark, instant=instant, event=index, ids=row.about, happened=event))
         match event:
             case GraphChanged():
                 return  # This is by far the most frequent event; no row begins or ends with it.
@@ -108,13 +112,9 @@ class TimelineRows:
             case _:
                 pass  # No row begins or ends with it.
 
-    def mark(self, index: int, instant: Instant, event: Event, row: EventDescription) -> None:
-        """Mark event number `index`, if stepping through the run stops there."""
-        if row.mark in STOPS:
-            self._add_mark(Mark(kind=row.mark, instant=instant, event=index, ids=row.about, happened=event))
-
-    def mark_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
-        """Mark the beginning of map number `epoch` with event number `index`."""
+    def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
+        """Begin map number `epoch` with event number `index`."""
+        self._epoch = epoch
         text = f"map {epoch + 1} is loaded ({cause.value})"
         self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), happened=text))
 
@@ -170,7 +170,7 @@ class TimelineRows:
         self._query = QueryRecord(
             id=event.query,
             goal=event.goal,
-            epoch=self.epoch,
+            epoch=self._epoch,
             first=index,
             last=index,
             begin=instant,

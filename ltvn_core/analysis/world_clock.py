@@ -104,7 +104,8 @@ def format_world_time(time: WorldTime) -> str:
     if isinstance(time, TimeOfDay):
         day = "" if time.day is None else f"day {time.day} "
         return f"at {day}{_hours_text(time.seconds)}"
-    return f"in {_exact_text(time.seconds)}"
+    unit = next((unit for unit in ("d", "h", "min") if time.seconds and time.seconds % _UNITS_S[unit] == 0), "s")
+    return f"in {time.seconds / _UNITS_S[unit]:g} {unit}"
 
 
 def time_ahead(time: WorldTime, now_s: float) -> float:
@@ -138,8 +139,3 @@ def duration_text(seconds: float) -> str:
 def _hours_text(seconds: float) -> str:
     minutes = math.floor(seconds / _MINUTE_S)
     return f"{minutes // 60:02d}:{minutes % 60:02d}"
-
-
-def _exact_text(seconds: float) -> str:
-    unit = next((unit for unit in ("d", "h", "min") if seconds and seconds % _UNITS_S[unit] == 0), "s")
-    return f"{seconds / _UNITS_S[unit]:g} {unit}"

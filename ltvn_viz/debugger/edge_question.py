@@ -210,7 +210,7 @@ def _overlay(context: DebugContext, story: EdgeStory, decided: tuple[Stroke, ...
 
 
 def _attempt(context: DebugContext, story: EdgeStory, attempt: AttemptRecord) -> tuple[Inline, ...]:
-    localised, ended = attempt.localised, attempt.ended
+    localised, ended = None if attempt.plan is None else attempt.plan.localised, attempt.ended
     at = "–" if localised is None or localised.node is None else str(localised.node)
     begin = time_link(context.seconds(attempt.begin))
     if ended is None:

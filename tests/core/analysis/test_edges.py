@@ -27,11 +27,12 @@ def test_every_attempt_is_told_and_whether_it_counted() -> None:
         for begun, each in zip(started, story.attempts, strict=True)
     ] == [(2, 0, True, True), (3, 0, True, False), (4, 1, True, True)]
     first, ended = story.attempts[0], story.attempts[0].ended
-    assert first.localised is not None
+    assert first.plan is not None
+    assert first.plan.localised is not None
     assert ended is not None
     assert (first.started.frame, ended.frame, ended.end) == (40, 60, AttemptEnd.COLLISION)
     assert (ended.distance, ended.reachability) == (0.9, 0.1)
-    assert first.localised.node == 1
+    assert first.plan.localised.node == 1
 
 
 def test_an_attempt_has_no_verdict_before_it_ended() -> None:

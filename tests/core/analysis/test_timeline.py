@@ -21,7 +21,7 @@ def test_a_real_drive_is_told_by_its_queries_attempts_and_changes(drive: Recordi
     timeline = Timeline.of(drive.events)
     assert [query.outcome for query in timeline.queries] == [Outcome.ARRIVED, Outcome.ARRIVED]
     assert sum(len(query.attempts) for query in timeline.queries) == len(timeline.attempts) == 51
-    assert all(attempt.localised and attempt.ended for attempt in timeline.attempts)
+    assert all(attempt.plan and attempt.plan.localised and attempt.ended for attempt in timeline.attempts)
     assert (len(timeline.changes), timeline.changes[-1].version) == (760, 760)
     assert timeline.notes == ()
 

@@ -50,8 +50,6 @@ from ltvn_viz.session.inspection import (
 from ltvn_viz.wishes.commands import PointAt
 
 _ATTEMPTS = 40
-_SENTENCES = 8
-"""Maximum number of sentences; of a longer chain, only the beginning and the end are shown."""
 _GONE = 12
 _HOW_TO_POINT = Step(
     "Click an edge, or a node and then its neighbour; or type two numbers to ask about an edge.",
@@ -299,12 +297,7 @@ def _chosen(context: DebugContext, story: EdgeStory, builder: AnswerBuilder) -> 
 
 def _chain(context: DebugContext, title: str, reasons: Sequence[Reason], builder: AnswerBuilder) -> None:
     builder.add_line(Strong(title))
-    left_out = len(reasons) - _SENTENCES
-    for number, reason in enumerate(reasons):
-        if left_out > 0 and 1 <= number <= left_out:
-            if number == 1:
-                builder.add_line(f"… {left_out} more like these …")
-            continue
+    for reason in reasons:
         when: list[Inline] = [] if reason.instant is None else [time_link(context.seconds(reason.instant)), " "]
         builder.add_line(when, reason.text.replace("->", "→"))
 

@@ -41,7 +41,7 @@ TOLD_TEXTS = {
         *("with 2->1", "D_l = 0.2", "R_p = 0.95", "belief weight = 0", "failure penalty = 0", "in 2 d", "goal 3"),
         *("without 5->3", "p(5->3) = 1", "p(4->5) = 2", "with 2->99", "goal 99", "R_q = 1", "at 25:00", "12->40"),
     ),
-    "compare": ("told.rrd",),
+    "compare": ("told.rrd", "before its first query"),
     "edge": ("1 2", "three"),
 }
 

@@ -306,9 +306,15 @@ class AnswerBuilder:
         """Add a line of pieces; a list of pieces is flattened."""
         self.blocks.append(Paragraph(line(*parts)))
 
-    def add_table(self, head: Sequence[str], rows: Iterable[Sequence[Inline | list[Inline]]]) -> None:
-        """Add a table; each cell is one piece or a list of pieces."""
-        self.blocks.append(Table(tuple(head), tuple(tuple(line(cell) for cell in row) for row in rows)))
+    def add_table(self, head: Sequence[str], rows: Sequence[Sequence[Inline | list[Inline]]], of: int = 0) -> None:
+        """Add a table, and how many of all `of` rows it leaves out; nothing without rows.
+
+        Each cell is one piece or a list of pieces.
+        """
+        if rows:
+            self.blocks.append(Table(tuple(head), tuple(tuple(line(cell) for cell in row) for row in rows)))
+        if of > len(rows):
+            self.add_line(f"… and {of - len(rows)} more.")
 
     def add_chart(self, chart: Chart) -> None:
         """Add a chart, or a line of text if the chart would be constant."""

@@ -88,8 +88,7 @@ def _add_stops(context: DebugContext, stops: Sequence[Mark], builder: AnswerBuil
     times = "once" if len(stops) == 1 else f"{len(stops)} times" if stops else "nowhere yet"
     builder.add_line("Met ", joined([Strong(times), *ways]))
     shown = stops[max(0, after - _ROWS // 2) :][:_ROWS] if not context.is_live else stops[-_ROWS:][::-1]
-    if shown:
-        builder.add_table(("when", "what"), [(_jump(context, each), each.text) for each in shown])
+    builder.add_table(("when", "what"), [(_jump(context, each), each.text) for each in shown])
 
 
 def _about(selection: Selection) -> Sequence[Breakpoint]:

@@ -39,7 +39,7 @@ from ltvn_viz.wishes.commands import QuestionRequest
 CHOOSE_ANOTHER = "choose another"
 _NAMES = 10
 _ROWS = 20
-_PRESENCE_ROWS = 12
+_CHANGES = 12
 _STROKES = 4000
 _ASKS = "Name of a recording"
 CLOSED = palette.TARGET
@@ -167,17 +167,14 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
     presence_strokes = _add_presence_changes(found, builder)
     texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
     if texts:
-        more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""
-        builder.add_line(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
+        more = f", and {len(texts) - _CHANGES} more" if len(texts) > _CHANGES else ""
+        builder.add_line(f"In the world: {', '.join(texts[:_CHANGES])}{more}.")
     nodes = builder.add_selected_edge(selection)
-    if difference.differing:
-        back = {other: node for node, other in difference.nodes.items()}
-        shares = ("–" if each.betweenness < 5e-4 else f"{each.betweenness:.1%}" for each in difference.differing)
-        shown = zip(difference.differing[:_ROWS], shares, strict=False)
-        rows = [(_name(each, back), _p(each.a), _p(each.b), share) for each, share in shown]
-        builder.add_table(("edge", "p here", "p there", "of all ways"), rows)
-        if len(difference.differing) > _ROWS:
-            builder.add_line(f"… and {len(difference.differing) - _ROWS} less important ones.")
+    back = {other: node for node, other in difference.nodes.items()}
+    shown = difference.differing[:_ROWS]
+    shares = ("–" if each.betweenness < 5e-4 else f"{each.betweenness:.1%}" for each in shown)
+    rows = [(_name(each, back), _p(each.a), _p(each.b), share) for each, share in zip(shown, shares, strict=True)]
+    builder.add_table(("edge", "p here", "p there", "of all ways"), rows, len(difference.differing))
     # The map of another drive shares hardly any nodes with this one.
     new = difference.nodes_only_a[:_STROKES] if difference.matched_by is MatchedBy.ID else ()
     strokes = (*_strokes(found, difference), *presence_strokes)
@@ -222,14 +219,7 @@ def _add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> tuple
     builder.add_line(
         Key(CLOSED, f"closed here, not there: {len(closed)}"), Key(RETURNED, f"open again here: {len(returned)}")
     )
-    rows = [
-        (edge_link(*each.edge), f"{each.before:.2f} {each.states[0]}", f"{each.now:.2f} {each.states[1]}")
-        for each in found.presence[:_PRESENCE_ROWS]
-    ]
-    if rows:
-        builder.add_table(("edge", "p open there", "p open here"), rows)
-    if len(found.presence) > _PRESENCE_ROWS:
-        builder.add_line(f"… and {len(found.presence) - _PRESENCE_ROWS} more.")
+    builder.add_presence_changes("p open there", "p open here", found.presence)
     poses = found.here.poses
     coloured = [*((edge, CLOSED) for edge in closed), *((edge, RETURNED) for edge in returned)]
     known = ((a, b, colour) for (a, b), colour in coloured if a in poses and b in poses)

@@ -32,8 +32,7 @@ class DecisionQuestion(Question[Never]):
         decisions = query_decisions(context.timeline, query.id, context.method, until=context.instant)
         shown = decisions[-_ROWS:]
         builder.add_line(f"Query {query.id} to node {query.goal}: {len(decisions)} decisions up to now.")
-        if shown:
-            builder.add_table(("when", "decision", "because of"), [_row(context, each) for each in reversed(shown)])
+        builder.add_table(("when", "decision", "because of"), [_row(context, each) for each in reversed(shown)])
         if len(shown) < len(decisions):
             earlier = Step("go back in time to see earlier ones.", "ask --at an earlier time for others.")
             builder.add_line(f"The latest {_ROWS} are shown; ", earlier)

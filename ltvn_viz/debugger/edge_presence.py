@@ -162,9 +162,7 @@ def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke
         ago = duration_text(max(0.0, context.world_s - last.stamp_s))
         seen = f"{'open' if last.present else 'blocked'}, {ago} ago"
         rows.append((edge_link(*edge), f"{found[edge]:.2f}", _state(found[edge]), seen))
-    builder.add_table(("edge", "p open", "taken for", "seen last"), rows)
-    if len(ordered) > _ROWS:
-        builder.add_line(f"… and {len(ordered) - _ROWS} more with a higher probability.")
+    builder.add_table(("edge", "p open", "taken for", "seen last"), rows, len(ordered))
     _note(context, builder)
     colours = {edge: STATE_COLOURS[presence_state(p)] for edge, p in found.items()}
     return tuple(line for edge, colour in colours.items() for line in context.strokes([edge], colour))
@@ -260,8 +258,6 @@ def _explain(context: DebugContext, made: PresenceDecision, latest: LatestAnswer
 
 
 def _others(context: DebugContext, others: Sequence[PresenceDecision], builder: AnswerBuilder) -> None:
-    if not others:
-        return
     rows = [
         (
             time_link(context.seconds(each.plan.instant)),

@@ -93,11 +93,11 @@ class EdgeQuestion(Question[Never]):
         if node is None:
             builder.add_line(_HOW_TO_POINT)
         else:
-            builder.add_line(f"Node {node}. Choose one of its edges:")
             graph, rows = context.graph, []
             for target in sorted(graph.successors(node)) if node in graph.nodes else ():
                 edge = graph.edges[node, target]
                 rows.append((edge_link(node, target), f"{edge.belief.p:.2f}", edge.action or f"{edge.belief.mu:.2f}"))
+            builder.add_line(f"Node {node}. Choose one of its edges:" if rows else f"No edge leads from node {node}.")
             builder.add_table(("edge", "p", "length (mu), or action"), rows)
             _add_node_reasons(context, node, selection.before, builder)
         strokes = add_all_edges(context, builder) + self._decisions.add(context, None, builder)

@@ -25,7 +25,6 @@ from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.palette import Rgb8
-from ltvn_core.terminal_text import count_text
 from ltvn_core.types import FrameId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, has_query, request_link, time_link
@@ -106,8 +105,7 @@ class FailureQuestion(Question[ShowFailures]):
         is_failing = bool(later) and later[0].query.begin.step <= context.step
         if shown and not is_failing:
             _detail(context, shown[-1], builder)
-        if shown:
-            builder.add_table(("when", *_HEAD), [_row(context, each) for each in shown[-_ROWS:]])
+        builder.add_table(("when", *_HEAD), [_row(context, each) for each in shown[-_ROWS:]])
         if len(shown) > _ROWS:
             others = Step("choose a cause above to see others.", "--query NUMBER speaks of one alone.")
             builder.add_line(f"The last {_ROWS} of {len(shown)}; ", others)
@@ -204,9 +202,7 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
     named = f"query {failure.query.id} fails, {failure.ending}, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
     builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"))
-    builder.add_table(("later", *_HEAD), [_row(context, each, is_later=True) for each in later[:_ROWS]])
-    if len(later) > _ROWS:
-        builder.add_line(f"Later there are {count_text(len(later) - _ROWS, 'more failure')}.")
+    builder.add_table(("later", *_HEAD), [_row(context, each, is_later=True) for each in later[:_ROWS]], len(later))
 
 
 def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:

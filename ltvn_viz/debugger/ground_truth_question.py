@@ -137,12 +137,11 @@ def _show_waypoints(builder: AnswerBuilder, context: DebugContext, selection: Se
         f"{np.quantile(away_m, 0.9):.2f} m at the 90th percentile. Walls are unknown: this place has no model.",
     )
     nodes = builder.add_selected_edge(selection)
-    if wrong:
-        rows = [
-            (edge_link(edge.source, edge.target), f"{edge.belief.p:.2f}", f"{away:.2f}", f"{turned:.0f}")
-            for edge, away, turned in wrong[:_SPURIOUS]
-        ]
-        builder.add_table(("leads elsewhere", "p", "off by m", "and by °"), rows)
+    rows = [
+        (edge_link(edge.source, edge.target), f"{edge.belief.p:.2f}", f"{away:.2f}", f"{turned:.0f}")
+        for edge, away, turned in wrong[:_SPURIOUS]
+    ]
+    builder.add_table(("leads elsewhere", "p", "off by m", "and by °"), rows)
     strokes = tuple(stroke(poses[edge.source], poses[edge.target], palette.EDGE_REMOVED) for edge, *_ in wrong)
     return builder.build(Overlay(strokes=strokes, nodes=nodes))
 
@@ -193,14 +192,12 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
     )
     nodes = builder.add_selected_edge(selection)
     edges = judged.graph.edges
-    worst = sorted(verdicts.spurious, key=lambda key: -edges[key].belief.p)[:_SPURIOUS]
-    if worst:
-        believed = [(edges[key].belief.p, edges[key].successes, edges[key].attempts) for key in worst]
-        rows = [
-            (edge_link(*key), f"{p:.2f}", f"{good}/{all_}")
-            for key, (p, good, all_) in zip(worst, believed, strict=True)
-        ]
-        builder.add_table(("cannot be driven", "p", "succeeded"), rows)
+    worst = sorted((edges[key] for key in verdicts.spurious), key=lambda edge: -edge.belief.p)[:_SPURIOUS]
+    rows = [
+        (edge_link(edge.source, edge.target), f"{edge.belief.p:.2f}", f"{edge.successes}/{edge.attempts}")
+        for edge in worst
+    ]
+    builder.add_table(("cannot be driven", "p", "succeeded"), rows)
     _missing(builder, verdicts.missing)
     builder.add_line(
         "Is p right? Each dot is a tenth of the scale; on the line, p equals the share of edges that can be driven."
@@ -228,8 +225,6 @@ def calibration_sentence(point: AttemptCalibration) -> str:
 
 
 def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
-    if not missing:
-        return
     # Most missing edges are missing in both directions, so both share one row.
     pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
     rows = [

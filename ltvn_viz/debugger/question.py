@@ -4,12 +4,14 @@ Owns the interface. Each question is one module and is independent of the page a
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 from ltvn_core import palette
 from ltvn_core.analysis import answer
 from ltvn_core.analysis.answer import Answer, Inline, Link, Pending, Strong, joined
 from ltvn_core.analysis.map_findings import MapFinding
+from ltvn_core.analysis.presence_forecast import PresenceChange
 from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
@@ -30,6 +32,9 @@ __all__ = [
     "stroke",
     "time_link",
 ]
+
+
+_PRESENCE_ROWS = 12
 
 
 class AnswerBuilder(answer.AnswerBuilder):
@@ -63,6 +68,14 @@ class AnswerBuilder(answer.AnswerBuilder):
         for edge, apart in found.pairs:
             links += [", " if links else " ", edge_link(*edge), f" ({apart:.2f})" * (len(found.pairs) > 1)]
         self.add_line(Strong(str(found.finding)) if is_first else str(found.finding), links)
+
+    def add_presence_changes(self, before: str, now: str, changes: Sequence[PresenceChange]) -> None:
+        """Add a table of the edges that are open at one of two moments only, with p(open) and state at both."""
+        rows = [
+            (edge_link(*each.edge), f"{each.before:.2f} {each.states[0]}", f"{each.now:.2f} {each.states[1]}")
+            for each in changes[:_PRESENCE_ROWS]
+        ]
+        self.add_table(("edge", before, now), rows, len(changes))
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
         """Return the collected answer."""

@@ -237,8 +237,7 @@ def _say(plans: PlanDifference, changes: Sequence[WhatIfChange], builder: Answer
     if not rows:
         known = {each.edge: each for each in old.edges}
         rows = [_row("now", each) for each in new.edges if known.get(each.edge) != each]
-    if rows:
-        builder.add_table(("plan", "edge", "length (mu)", "doubt", "failed", "p open"), rows[:_ROWS])
+    builder.add_table(("plan", "edge", "length (mu)", "doubt", "failed", "p open"), rows[:_ROWS])
 
 
 def _row(plan: str, priced: EdgeCostParts) -> tuple[Inline, ...]:
@@ -252,11 +251,4 @@ def _add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     count, before = (sum(p >= OPEN_ABOVE for p in each.values()) for each in (then, now))
     builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would count as open, now {before}.")
     changed = presence_changes(now, then, {edge: edge for edge in then})
-    rows = [
-        (edge_link(*each.edge), f"{each.before:.2f} {each.states[0]}", f"{each.now:.2f} {each.states[1]}")
-        for each in changed[:_ROWS]
-    ]
-    if rows:
-        builder.add_table(("edge", "p open now", "p open then"), rows)
-    if len(changed) > _ROWS:
-        builder.add_line(f"… and {len(changed) - _ROWS} more.")
+    builder.add_presence_changes("p open now", "p open then", changed)

@@ -318,8 +318,7 @@ class AnswerBuilder:
 
     def add_chart(self, chart: Chart) -> None:
         """Add a chart, or a line of text if the chart would be constant."""
-        flat = isinstance(chart, StepChart) and len({value for _, value in chart.points}) == 1
-        if isinstance(chart, StepChart) and flat:
+        if isinstance(chart, StepChart) and len({value for _, value in chart.points}) == 1:
             value = chart.points[0][1]
             named = f"{value:,.0f}" if chart.y.last > 1 and value == round(value) else f"{value:.2f}"
             self.add_line(f"{chart.y.label}: {named} throughout")

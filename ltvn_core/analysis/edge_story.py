@@ -175,5 +175,5 @@ def _replaced_map(timeline: Timeline, epoch: int, edge: d.Edge) -> EdgeRow:
 
 def _known_at(attempt: AttemptRecord, until: Instant | None) -> AttemptRecord:
     """Return an attempt as known after a step: without its verdict while it was in progress."""
-    is_over = until is None or (attempt.end is not None and attempt.end.step <= until.step)
-    return attempt if is_over else replace(attempt, end=None, ended=None)
+    is_under_way = until is not None and attempt.end is not None and until.step < attempt.end.step
+    return replace(attempt, end=None, ended=None) if is_under_way else attempt

@@ -58,8 +58,8 @@ def regression_test_source(events: Sequence[StampedEvent], *, file: str, about: 
     ended = [event for event in happened if isinstance(event, QueryEnded)]
     queries = ", ".join(f"({int(each.query)}, Outcome.{each.outcome.name})" for each in ended)
     attempts = "".join(_attempt_row(event) for event in happened if isinstance(event, AttemptEnded))
-    named = {"about": _escaped(about), "file": _escaped(file)}
-    test = _TEST.format(**named, attempts=attempts and f"\n{attempts}    ", queries=queries)
+    attempts = attempts and f"\n{attempts}    "
+    test = _TEST.format(about=_escaped(about), file=_escaped(file), attempts=attempts, queries=queries)
     changes = _changes(events)
     return test + _MAP.format(changes="\n".join(f"    {row}" for row in changes)) * bool(changes)
 

@@ -10,20 +10,22 @@ import logging
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.closure_judgement import ClosureJudgement
 from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.map_contradictions import PassOverlay
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
-from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, optimise
 from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation
 
@@ -168,28 +170,48 @@ class ClosureSearch:
     def _closed_stretch(self, stretch: Sequence[Observation], done: int) -> ClosedDrives:
         """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images
         are in the stretches before."""
-        odometry = np.array([seen.odometry for seen in stretch])
-        rows = _key_rows(odometry)
-        driven_m = _driven_m(odometry)[rows]
-        earlier = np.searchsorted(driven_m, driven_m - _AGAIN_M)
-        is_key = np.isin(np.arange(len(stretch)), rows)
+        drive = _KeyImages.of(stretch)
         closed = ClosedDrives(stretch, ())
         gate = OdometryGate(stretch, self.config)
         found = list[DriveLink]()
-        for first in range(0, len(rows), _BATCH):
-            batch = slice(first, first + _BATCH)
-            fresh = list[DriveLink]()
-            for row, before in zip(rows[batch].tolist(), rows[earlier[batch]].tolist(), strict=True):
-                near = gate.near_rows(row)
-                near = near[is_key[near] & (near < before)]
-                fresh += self._again(stretch[row].step, [stretch[other].step for other in near.tolist()], gate)
-            self.progress((done + int(rows[batch][-1]) + 1) / len(self.observations))
-            if not fresh:
-                continue
-            found += fresh
-            closed = _corrected(stretch, odometry, rows, found)
-            gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
-        return closed
+        for first in range(0, len(drive.rows), _BATCH):
+            batch = range(first, min(first + _BATCH, len(drive.rows)))
+            fresh = self._found(drive, batch, gate)
+            self.progress((done + int(drive.rows[batch[-1]]) + 1) / len(self.observations))
+            if fresh:
+                found += fresh
+                closed = drive.corrected(found, drive.course(found))
+                gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
+        return self._judged(drive, found) if found else closed
+
+    def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink]) -> ClosedDrives:
+        """Return the course that the depth images contradict least. If it is not the one that fits most closures, the
+        search followed a false course, and is made once more along the right one."""
+        camera = self.matcher.camera
+        height_m = self.matcher.keyframes.needed_space(camera).height_m
+        overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
+        course = drive.course(found)
+        surest = drive.judgement(found, overlay).surest(course)
+        closed = drive.corrected(found, surest)
+        if surest is course:
+            return closed
+        gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
+        again = self._found(drive, range(len(drive.rows)), gate)
+        found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
+        surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.poses)
+        return drive.corrected(found, surest)
+
+    def _found(self, drive: "_KeyImages", batch: range, gate: OdometryGate) -> list[DriveLink]:
+        """Return the loop closures from some key images to those that were taken well before them."""
+        earlier = np.searchsorted(drive.driven_m, drive.driven_m - _AGAIN_M)
+        found = list[DriveLink]()
+        for number in batch:
+            near = gate.near_rows(int(drive.rows[number]))
+            near = near[np.isin(near, drive.rows[: earlier[number]])]
+            found += self._again(
+                drive.stretch[drive.rows[number]].step, [drive.stretch[row].step for row in near], gate
+            )
+        return found
 
     def _again(self, frame: FrameId, earlier: Sequence[FrameId], gate: OdometryGate) -> list[DriveLink]:
         """Return the loop closures from a key image to earlier images, verified along both stretches of driving."""
@@ -197,23 +219,50 @@ class ClosureSearch:
         return surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
 
 
-def _corrected(
-    stretch: Sequence[Observation], odometry: NDArray[np.float64], rows: NDArray[np.intp], found: Sequence[DriveLink]
-) -> ClosedDrives:
-    """Correct the odometry (N, 3) of images by the closures found between those of `rows`, and drop the false
-    closures."""
-    place = {stretch[row].step: k for k, row in enumerate(rows)}
-    closures = RelativePoses(
-        first=np.array([place[link.frame] for link in found]),
-        second=np.array([place[link.other] for link in found]),
-        poses=np.array([link.waypoint for link in found]),
-        deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
-        shares=_shares(_driven_m(odometry)[rows][[place[link.frame] for link in found]]),
-    )
-    result = optimise(odometry[rows], _odometry_between(odometry[rows]), closures)
-    moved = _carried(odometry, rows, result.poses)
-    observations = [replace(seen, odometry=pose) for seen, pose in zip(stretch, moved, strict=True)]
-    return ClosedDrives(observations, tuple(link for link, kept in zip(found, result.kept, strict=True) if kept))
+@dataclass(frozen=True, slots=True, eq=False)
+class _KeyImages:
+    """The images of a stretch of driving, and K key images between which closures are searched."""
+
+    stretch: Sequence[Observation]
+    odometry: NDArray[np.float64]
+    """(N, 3) poses of all images."""
+    rows: NDArray[np.intp]
+    """(K,) rows of the key images."""
+    driven_m: NDArray[np.float64]
+    """(K,) distances driven before the key images."""
+
+    @classmethod
+    def of(cls, stretch: Sequence[Observation]) -> Self:
+        odometry = np.array([seen.odometry for seen in stretch])
+        rows = _key_rows(odometry)
+        return cls(stretch, odometry, rows, _driven_m(odometry)[rows])
+
+    def judgement(self, found: Sequence[DriveLink], overlay: PassOverlay) -> ClosureJudgement:
+        """Return the judgement of the closures found between key images."""
+        poses = self.odometry[self.rows]
+        return ClosureJudgement(poses, _odometry_between(poses), self._closures(found), self.driven_m, overlay)
+
+    def course(self, found: Sequence[DriveLink]) -> OptimisedPoses:
+        """Return the course that fits most of the closures found between key images."""
+        poses = self.odometry[self.rows]
+        return optimise(poses, _odometry_between(poses), self._closures(found))
+
+    def corrected(self, found: Sequence[DriveLink], course: OptimisedPoses) -> ClosedDrives:
+        """Return all images along a course of the key images, and the closures that it keeps."""
+        moved = _carried(self.odometry, self.rows, course.poses)
+        observations = [replace(seen, odometry=pose) for seen, pose in zip(self.stretch, moved, strict=True)]
+        return ClosedDrives(observations, tuple(link for link, kept in zip(found, course.kept, strict=True) if kept))
+
+    def _closures(self, found: Sequence[DriveLink]) -> RelativePoses:
+        place = {self.stretch[row].step: k for k, row in enumerate(self.rows)}
+        first = np.array([place[link.frame] for link in found])
+        return RelativePoses(
+            first=first,
+            second=np.array([place[link.other] for link in found]),
+            poses=np.array([link.waypoint for link in found]),
+            deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
+            shares=_shares(self.driven_m[first]),
+        )
 
 
 def _shares(driven_m: NDArray[np.float64]) -> NDArray[np.float64]:

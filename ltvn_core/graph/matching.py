@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import MatchingConfig
 from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -85,6 +86,11 @@ class Matcher:
     def config(self) -> MatchingConfig:
         """How images are compared."""
         return self._config
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera of the images."""
+        return self._predictor.camera
 
     @property
     def keyframes(self) -> KeyframeStore:

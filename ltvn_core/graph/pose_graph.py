@@ -67,14 +67,18 @@ class OptimisedPoses(NamedTuple):
     """(K,) whether each closure counts as true."""
 
 
-def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> OptimisedPoses:
+def optimise(
+    poses: Pose, odometry: RelativePoses, closures: RelativePoses, *, sure: NDArray[np.bool_] | None = None
+) -> OptimisedPoses:
     """Return the poses that agree best with odometry and the true closures, starting from a first guess (N, 3).
 
     Odometry must be a chain that joins all poses in order. A closure between places farther apart than the distance
-    driven between them counts as false from the beginning, because one such closure would bend everything.
+    driven between them counts as false from the beginning, because one such closure would bend everything. The closures
+    (K,) that are `sure` count as true.
     """
     possible = _within_the_way(odometry, closures)
-    found = _optimise_possible(poses, odometry, closures.among(possible))
+    sure = np.zeros(len(possible), np.bool_) if sure is None else sure
+    found = _optimise_possible(poses, odometry, closures.among(possible), sure[possible])
     kept = np.zeros(len(possible), np.bool_)
     kept[possible] = found.kept
     return OptimisedPoses(found.poses, kept)
@@ -89,14 +93,16 @@ def _within_the_way(odometry: RelativePoses, closures: RelativePoses) -> NDArray
     return apart_m <= _LONGEST_WAY * way_m + slack_m
 
 
-def _optimise_possible(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> OptimisedPoses:
+def _optimise_possible(
+    poses: Pose, odometry: RelativePoses, closures: RelativePoses, sure: NDArray[np.bool_]
+) -> OptimisedPoses:
     worst = _squared(closures.errors(poses)).max(initial=0.0)
     weights = np.ones(len(closures.first))
     control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
     solver = _Solver()
     for _ in range(_MOST_ROUNDS):
         poses = _least_squares(poses, odometry, closures, weights, solver, most_steps=1, accuracy=_ROUGH)
-        weights = _truncated_weights(_squared(closures.errors(poses)), control)
+        weights = np.where(sure, 1.0, _truncated_weights(_squared(closures.errors(poses)), control))
         if ((weights == 0) | (weights == 1)).all():
             break
         control *= _GROWTH

@@ -1,0 +1,127 @@
+"""Loop closures judged by the map that they make.
+
+In a building that repeats, the false closures may outnumber the true ones and agree with each other: then the course
+that fits most closures is wrong. So where the depth images contradict the course, others are tried: some that trust
+odometry more, some that take a rejected group of closures for true, some that do without an accepted group. The one
+that makes the fewest contradictions stays. Owns this search (ours).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from ltvn_core.graph.map_contradictions import PassOverlay
+from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, optimise
+from ltvn_core.types import Pose
+
+_FEW = 0.01
+"""Share of contradictions up to which a course is not doubted: things move, and depth and course err a little."""
+_BETTER = 0.9
+"""Share of the contradictions of a course that a better one may make at most."""
+_TRUST = (0.5, 0.35, 0.25, 0.18, 0.125)
+"""Factors of the errors of odometry: where many closures agree on a false course, it bends odometry too much."""
+_ACCEPTED_M, _REJECTED_M = 6.0, 3.0
+"""Distance along the drive, at both ends, within which accepted or rejected closures are one group, in metres."""
+_GROUPS = 8
+"""Largest number of groups of each kind that are tried, the largest first."""
+_NEAR = 12.0
+"""Error in standard deviations up to which a course may still come to agree with a closure."""
+_MOVES_M = 0.3
+"""Least distance in metres by which another course moves an image."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosureJudgement:
+    """Odometry and loop closures between K images of a drive, with what their depth images say about a course."""
+
+    poses: Pose
+    """(K, 3) by odometry."""
+    odometry: RelativePoses
+    closures: RelativePoses
+    driven_m: NDArray[np.float64]
+    """(K,) distances driven before the images."""
+    overlay: PassOverlay
+
+    def surest(self, course: OptimisedPoses, *, along: Pose | None = None) -> OptimisedPoses:
+        """Return the course with the fewest contradictions, and its closures.
+
+        `course` is the one that fits most closures; it is returned itself if no other one has clearly fewer
+        contradictions. Courses near `along` (K, 3) are tried, too.
+        """
+        best = self._judged(course)
+        if best.contradicted > _FEW:
+            other = min(self._trusting(along), key=lambda each: each.contradicted)
+            best = other if other.contradicted < _BETTER * best.contradicted else best
+        tried = set[bytes]()
+        while best.contradicted > _FEW and (better := self._better(best, tried)) is not None:
+            best = better
+        return best.course
+
+    def _trusting(self, along: Pose | None) -> Iterator["_Judged"]:
+        """Yield courses that bend odometry less, and the one near `along` (K, 3)."""
+        if along is not None:
+            yield self._judged(self._refined(along))
+        for factor in _TRUST:
+            trusting = replace(self.odometry, deviations=factor * self.odometry.deviations)
+            yield self._judged(self._refined(optimise(self.poses, trusting, self.closures).poses))
+
+    def _better(self, best: "_Judged", tried: set[bytes]) -> "_Judged | None":
+        """Return the first course with a group of closures more or less that has clearly fewer contradictions."""
+        for course in self._others(best.course, tried):
+            if np.abs(course.poses - best.course.poses)[:, :2].max() >= _MOVES_M:
+                other = self._judged(course)
+                if other.contradicted < _BETTER * best.contradicted:
+                    return other
+        return None
+
+    def _others(self, best: OptimisedPoses, tried: set[bytes]) -> Iterator[OptimisedPoses]:
+        """Yield courses that take a rejected group for true, then those that do without an accepted one, each once."""
+        for group in self._groups(~best.kept, _REJECTED_M):
+            if _is_new(b"with", group, tried):
+                yield optimise(self.poses, self.odometry, self.closures, sure=group)
+        for group in self._groups(best.kept, _ACCEPTED_M):
+            if _is_new(b"without", group, tried):
+                yield self._optimised(self.poses, ~group)
+
+    def _judged(self, course: OptimisedPoses) -> "_Judged":
+        return _Judged(course, self.overlay.contradicted(course.poses))
+
+    def _refined(self, poses: Pose) -> OptimisedPoses:
+        """Return the course that fits the closures best that lie near another course (K, 3)."""
+        near = np.linalg.norm(self.closures.errors(poses), axis=1) < _NEAR
+        return self._optimised(poses, near)
+
+    def _optimised(self, poses: Pose, among: NDArray[np.bool_]) -> OptimisedPoses:
+        found = optimise(self.poses, self.odometry, self.closures.among(among))
+        kept = np.zeros(len(among), np.bool_)
+        kept[among] = found.kept
+        return OptimisedPoses(found.poses, kept)
+
+    def _groups(self, closures: NDArray[np.bool_], reach_m: float) -> Iterator[NDArray[np.bool_]]:
+        """Yield masks (C,) of the largest groups of some closures (C,): those between the same two stretches."""
+        rows = np.flatnonzero(closures)
+        ends = self.driven_m[np.stack([self.closures.first[rows], self.closures.second[rows]], axis=-1)]
+        near = (np.abs(ends[:, None] - ends) < reach_m).all(axis=-1)
+        _, group_of = connected_components(near)
+        sizes = np.bincount(group_of)
+        for number in np.argsort(-sizes, kind="stable")[:_GROUPS]:
+            mask = np.zeros(len(closures), np.bool_)
+            mask[rows[group_of == number]] = True
+            yield mask
+
+
+class _Judged(NamedTuple):
+    course: OptimisedPoses
+    contradicted: float
+    """Its share of contradictions."""
+
+
+def _is_new(how: bytes, group: NDArray[np.bool_], tried: set[bytes]) -> bool:
+    key = how + group.tobytes()
+    fresh = key not in tried
+    tried.add(key)
+    return fresh

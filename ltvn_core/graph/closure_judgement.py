@@ -20,6 +20,8 @@ from ltvn_core.types import Pose
 
 _FEW = 0.01
 """Share of contradictions up to which a course is not doubted: things move, and depth and course err a little."""
+_TOO_MANY = 0.05
+"""Share of contradictions above which even the best course proves nothing."""
 _BETTER = 0.9
 """Share of the contradictions of a course that a better one may make at most."""
 _TRUST = (0.5, 0.35, 0.25, 0.18, 0.125)
@@ -46,8 +48,8 @@ class ClosureJudgement:
     """(K,) distances driven before the images."""
     overlay: PassOverlay
 
-    def surest(self, course: OptimisedPoses, *, along: Pose | None = None) -> OptimisedPoses:
-        """Return the course with the fewest contradictions, and its closures.
+    def surest(self, course: OptimisedPoses, *, along: Pose | None = None) -> "JudgedCourse":
+        """Return the course with the fewest contradictions.
 
         `course` is the one that fits most closures; it is returned itself if no other one has clearly fewer
         contradictions. Courses near `along` (K, 3) are tried, too.
@@ -59,9 +61,9 @@ class ClosureJudgement:
         tried = set[bytes]()
         while best.contradicted > _FEW and (better := self._better(best, tried)) is not None:
             best = better
-        return best.course
+        return best
 
-    def _trusting(self, along: Pose | None) -> Iterator["_Judged"]:
+    def _trusting(self, along: Pose | None) -> Iterator["JudgedCourse"]:
         """Yield courses that bend odometry less, and the one near `along` (K, 3)."""
         if along is not None:
             yield self._judged(self._refined(along))
@@ -69,7 +71,7 @@ class ClosureJudgement:
             trusting = replace(self.odometry, deviations=factor * self.odometry.deviations)
             yield self._judged(self._refined(optimise(self.poses, trusting, self.closures).poses))
 
-    def _better(self, best: "_Judged", tried: set[bytes]) -> "_Judged | None":
+    def _better(self, best: "JudgedCourse", tried: set[bytes]) -> "JudgedCourse | None":
         """Return the first course with a group of closures more or less that has clearly fewer contradictions."""
         for course in self._others(best.course, tried):
             if np.abs(course.poses - best.course.poses)[:, :2].max() >= _MOVES_M:
@@ -87,8 +89,8 @@ class ClosureJudgement:
             if _is_new(b"without", group, tried):
                 yield self._optimised(self.poses, ~group)
 
-    def _judged(self, course: OptimisedPoses) -> "_Judged":
-        return _Judged(course, self.overlay.contradicted(course.poses))
+    def _judged(self, course: OptimisedPoses) -> "JudgedCourse":
+        return JudgedCourse(course, self.overlay.contradicted(course.poses))
 
     def _refined(self, poses: Pose) -> OptimisedPoses:
         """Return the course that fits the closures best that lie near another course (K, 3)."""
@@ -114,10 +116,17 @@ class ClosureJudgement:
             yield mask
 
 
-class _Judged(NamedTuple):
+class JudgedCourse(NamedTuple):
+    """A course of key images, with what the depth images say about it."""
+
     course: OptimisedPoses
     contradicted: float
-    """Its share of contradictions."""
+    """Share of the obstacles met again where another pass saw free floor."""
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the closures of this course may count."""
+        return self.contradicted <= _TOO_MANY
 
 
 def _is_new(how: bytes, group: NDArray[np.bool_], tried: set[bytes]) -> bool:

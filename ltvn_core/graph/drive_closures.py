@@ -10,6 +10,7 @@ import logging
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -104,12 +105,17 @@ def with_closed_loops(
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
         before = odometry_of(observations)
-        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
+        closed = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
+        observations, closures = closed.observations, closed.closures
         keyframes.correct(observations)
         if closures:
             moved = odometry_of(observations) - before
             errors = _errors(closures, keyframes)
             keyframes.corrections.append(Correction.of("loop closures", moved, errors, count=len(closures)))
+        if closed.rejected:
+            apart = np.array([link.waypoint for link in closed.rejected])
+            errors, count = _errors(closed.rejected, keyframes), len(closed.rejected)
+            keyframes.corrections.append(Correction.of("look-alikes left out", apart, errors, count=count))
         gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
@@ -132,7 +138,9 @@ class ClosedDrives(NamedTuple):
     """Images with corrected odometry, and the closures that corrected it."""
 
     observations: Sequence[Observation]
-    closures: tuple[DriveLink, ...]
+    closures: tuple[DriveLink, ...] = ()
+    rejected: tuple[DriveLink, ...] = ()
+    """Pairs of images that look like one place, and are none by the course."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,12 +158,13 @@ class ClosureSearch:
     def closed(self) -> ClosedDrives:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
         corrected = dict[FrameId, Observation]()
-        closures = list[DriveLink]()
+        closures, rejected = list[DriveLink](), list[DriveLink]()
         for stretch in self._stretches():
-            seen, agreed = self._closed_stretch(stretch, len(corrected))
-            corrected |= {each.step: each for each in seen}
-            closures += agreed
-        return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures))
+            closed = self._closed_stretch(stretch, len(corrected))
+            corrected |= {each.step: each for each in closed.observations}
+            closures += closed.closures
+            rejected += closed.rejected
+        return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures), tuple(rejected))
 
     def _stretches(self) -> Iterator[list[Observation]]:
         """Yield the stretches of images within which odometry is unbroken."""
@@ -171,7 +180,7 @@ class ClosureSearch:
         """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images
         are in the stretches before."""
         drive = _KeyImages.of(stretch)
-        closed = ClosedDrives(stretch, ())
+        closed = ClosedDrives(stretch)
         gate = OdometryGate(stretch, self.config)
         found = list[DriveLink]()
         for first in range(0, len(drive.rows), _BATCH):
@@ -185,21 +194,27 @@ class ClosureSearch:
         return self._judged(drive, found) if found else closed
 
     def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink]) -> ClosedDrives:
-        """Return the course that the depth images contradict least. If it is not the one that fits most closures, the
-        search followed a false course, and is made once more along the right one."""
+        """Return the course that the depth images contradict least; odometry as it came if they contradict that one,
+        too.
+
+        If it is not the course that fits most closures, the search followed a false one, and is made once more.
+        """
         camera = self.matcher.camera
         height_m = self.matcher.keyframes.needed_space(camera).height_m
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
         course = drive.course(found)
         surest = drive.judgement(found, overlay).surest(course)
-        closed = drive.corrected(found, surest)
-        if surest is course:
-            return closed
-        gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
-        again = self._found(drive, range(len(drive.rows)), gate)
-        found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
-        surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.poses)
-        return drive.corrected(found, surest)
+        if surest.course is not course:
+            closed = drive.corrected(found, surest.course)
+            gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
+            again = self._found(drive, range(len(drive.rows)), gate)
+            found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
+            surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.course.poses)
+        return (
+            drive.corrected(found, surest.course)
+            if surest.is_trusted
+            else ClosedDrives(drive.stretch, (), tuple(found))
+        )
 
     def _found(self, drive: "_KeyImages", batch: range, gate: OdometryGate) -> list[DriveLink]:
         """Return the loop closures from some key images to those that were taken well before them."""
@@ -251,7 +266,8 @@ class _KeyImages:
         """Return all images along a course of the key images, and the closures that it keeps."""
         moved = _carried(self.odometry, self.rows, course.poses)
         observations = [replace(seen, odometry=pose) for seen, pose in zip(self.stretch, moved, strict=True)]
-        return ClosedDrives(observations, tuple(link for link, kept in zip(found, course.kept, strict=True) if kept))
+        kept, rejected = (tuple(compress(found, which)) for which in (course.kept, ~course.kept))
+        return ClosedDrives(observations, kept, rejected)
 
     def _closures(self, found: Sequence[DriveLink]) -> RelativePoses:
         place = {self.stretch[row].step: k for k, row in enumerate(self.rows)}

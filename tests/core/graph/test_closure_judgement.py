@@ -77,7 +77,7 @@ def test_without_depth_nothing_is_contradicted() -> None:
 def test_many_false_closures_that_agree_are_outweighed_by_what_the_depth_images_show(true: int) -> None:
     found = closures(true, false=16)
     most = optimise(poses(), odometry(), found)
-    surest = ClosureJudgement(poses(), odometry(), found, driven_m(), overlay()).surest(most)
+    surest = ClosureJudgement(poses(), odometry(), found, driven_m(), overlay()).surest(most).course
     assert surest.kept[:true].all()
     assert not surest.kept[true:].any()
     assert np.abs(surest.poses - poses())[:, :2].max() < 0.1
@@ -87,4 +87,4 @@ def test_many_false_closures_that_agree_are_outweighed_by_what_the_depth_images_
 def test_a_course_without_contradictions_stays_as_it_is() -> None:
     found = closures(20, false=0)
     most = optimise(poses(), odometry(), found)
-    assert ClosureJudgement(poses(), odometry(), found, driven_m(), overlay()).surest(most) is most
+    assert ClosureJudgement(poses(), odometry(), found, driven_m(), overlay()).surest(most).course is most

@@ -12,8 +12,8 @@ from pathlib import Path
 from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import OptionError, RecordingError
-from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.recorded_map import build_recorded_map, save_recorded_map
 from ltvn_core.navigation.events import Severity

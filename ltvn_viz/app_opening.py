@@ -41,14 +41,12 @@ from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb, sce
 from ltvn_viz.page_layout import PageAssets, Painter, build_layout
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.activities.playback import ReplayMethods, open_replay
-from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.backend import Backend, live_robot, open_backend, open_larger_feed, predictor_for
-from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
-from ltvn_viz.session.goals import Goals, ThumbnailStore, node_picture
+from ltvn_viz.session.goals import node_picture
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
 from ltvn_viz.session.options import DEMO_SCENE, AppOptions
@@ -65,9 +63,7 @@ from ltvn_viz.wishes.commands import OpenRecording
 logger = logging.getLogger(__name__)
 
 
-def open_app_state(
-    options: AppOptions, stack: ExitStack, thumbnails: ThumbnailStore, say: Callable[[str], None] = lambda _: None
-) -> AppState:
+def open_app_state(options: AppOptions, stack: ExitStack, say: Callable[[str], None] = lambda _: None) -> AppState:
     """Open the parts that the options name, to be closed by `stack`; `say` gets the name of each slow step. Raises
     LtvnError.
 
@@ -100,30 +96,21 @@ def open_app_state(
     known = chosen or _ready_made(options, predictor)
     say("Starting the simulator…" if own_robot is None else "Preparing the robot…")
     backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
-    world_time = None if backend.world is None else lambda world=backend.world: world.time_s
+    simulation = backend.simulation
+    world_time = None if simulation is None else lambda: simulation.world.time_s
     live_map = LiveMap(TopologicalMap.of(predictor, system), np.random.default_rng(options.seed), world_time=world_time)
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     robot = live_robot(backend, predictor, known)
     recorder = Recorder(
         library,
         lambda path: _new_recording(path, options, backend, robot, live_map),
-        take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
-        scene_glb=lambda: None if backend.scene is None else backend.scene.glb(),
+        take_map=live_map.copied,
+        scene_glb=lambda: None if simulation is None else simulation.scene.glb(),
     )
     live = LiveRun(robot, recorder, Timeline())
-    if known is not None:
-        logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
-        say(f"Computing the descriptors of {len(known.graph.nodes):,} nodes…")
-        _take_map(live, live_map, known)
-    if backend.robot is not None:
-        live_map.keyframes.space = robot.spec.needed_space
-    simulated = backend.world
-    carry = backend.carry
-    world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
     choose_method = (
         ReplayMethods(options, predictor).of if asked.predictor == AUTO else lambda _: None
     )  # The named one.
-    teleop = AbsentTeleop if backend.robot is None else Teleop
     state = AppState(
         scene=options.scene,
         live=live,
@@ -131,17 +118,13 @@ def open_app_state(
         worker=worker,
         library=library,
         open_replay=lambda name: open_replay(library, name, choose_method),
-        feed=ObservationFeed(lambda: live.view, robot.clock),
         larger_feed=open_larger_feed(backend, stack),
-        goals=Goals(live_map, worker, thumbnails),
-        teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
         predictor_for=lambda weights: _reopen_with(options, weights, camera),
         debugger=Inspector(all_questions(live.breakpoint_monitor, options.questions), worker),
         rerun=RerunViewers(stack).address,
-        world=world,
         alignment=None if options.floor_plan is None else FloorPlanClicks(options.floor_plan),
-        link=_link(backend),
+        link=_link(backend.robot),
         open_loop=open_loop_word(backend.robot),
         played=backend.robot if isinstance(backend.robot, PlayedDrive) else None,
         build_options=BuildOptions(
@@ -153,14 +136,22 @@ def open_app_state(
             seed=options.seed,
         ),
     )
-    if backend.scene is not None and backend.scene.doubts and options.replay is None:
-        state.say(" ".join(backend.scene.doubts), Severity.WARN)
+    if known is not None:
+        logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
+        say(f"Computing the descriptors of {len(known.graph.nodes):,} nodes…")
+        state.start_with(TopologicalMap.take(known, predictor, system), known.observations.values())
+    if not backend.is_absent:
+        live_map.keyframes.space = robot.spec.needed_space
+    if simulation is not None:
+        state.world = ChangeableWorld(simulation.world, live, simulation.robot.teleport)
+        if simulation.scene.doubts and options.replay is None:
+            state.say(" ".join(simulation.scene.doubts), Severity.WARN)
     return state
 
 
-def _link(backend: Backend) -> RobotLink | None:
-    ask = getattr(backend.robot, "link_report", None)
-    return None if ask is None or backend.robot is None else RobotLink(backend.robot.spec.name, ask)
+def _link(robot: Robot) -> RobotLink | None:
+    ask = getattr(robot, "link_report", None)
+    return None if ask is None else RobotLink(robot.spec.name, ask)
 
 
 def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) -> None:
@@ -267,9 +258,9 @@ def _new_recording(
     path: Path, options: AppOptions, backend: Backend, robot: LiveRobot, live_map: LiveMap
 ) -> RecordingWriter:
     """Begin a recording; never waits for the disk, because the robot does not wait either."""
-    if backend.robot is None:
+    if backend.is_absent:
         raise SceneError("There is no robot to record; open the app with a scene.")
-    scene = backend.scene
+    scene = None if backend.simulation is None else backend.simulation.scene
     return RecordingWriter(
         path,
         scene=options.scene if scene is None else scene.address,
@@ -289,12 +280,6 @@ def _new_recording(
     )
 
 
-def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
-    for frame, seen in known.observations.items():
-        live.timeline.place_frame(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
-    live.emit_changes(live_map.load(TopologicalMap.take(known, live_map.predictor, live_map.system)))
-
-
 UNKNOWN_FLOOR_M = 4.0
 """Margin on each side of the robot in the first view of an unknown place, in metres."""
 
@@ -304,19 +289,40 @@ LEAST_FLOOR_M, ROUND_ABOUT_M = 1.0, 0.7
 
 def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -> Session:
     """Open everything behind the page of a server, to be closed by `stack`, and draw it there. Raises LtvnError."""
-    thumbnails = ThumbnailStore()
-    state = open_app_state(options, stack, thumbnails, server.say_loading)
+    state = open_app_state(options, stack, server.say_loading)
     state.shows_camera = lambda: server.shown.camera
     server.say_loading("Building the panels…")
-    server.add_route("/thumb/", thumbnails.get)
-    server.add_route("/seen/", lambda frame: node_picture(state.shown_observation, frame))
-    server.add_route("/marks/", state.strips.rows_from, ending="json")
-    server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot
     middle = np.nan_to_num(robot.drawn_pose[:2])
     around = middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
     floor = floor_bounds(state.scene) or _driven_floor(state, options) or around
-    painter = Painter(server.viser.atomic)
+    assets = PageAssets(
+        scene_glb=scene_glb,
+        robot_glb=locobot_glb() if robot.spec.name == LOCOBOT.name else None,
+        robot=robot.spec,
+        scene_picture=scene_picture,
+        added_glb=added_glb,
+    )
+    session = open_page(state, server, stack, Painter(server.viser.atomic), assets, Floor(*floor))
+    if options.replay is not None:
+        asked = question_commands(options.replay_question, session.state.debugger.words)
+        session.send(OpenRecording(options.replay, options.replay_at_s, asked))
+    return session
+
+
+def open_page(
+    state: AppState,
+    server: GuardedServer,
+    stack: ExitStack,
+    painter: Painter,
+    assets: PageAssets,
+    floor: Floor,
+) -> Session:
+    """Join a session's state to the page of a server, drawn by `painter` and to be closed by `stack`."""
+    server.add_route("/thumb/", state.goals.thumbnails.get)
+    server.add_route("/seen/", lambda frame: node_picture(state.shown_observation, frame))
+    server.add_route("/marks/", state.strips.rows_from, ending="json")
+    server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     session = Session(
         state,
         server.seat,
@@ -324,24 +330,9 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         absence=lambda: server.presence.absence,
         is_seen=lambda: server.presence.is_somebody_there,
     )
-    parts = build_layout(
-        server,
-        session.send,
-        PageAssets(
-            scene_glb=scene_glb,
-            robot_glb=locobot_glb() if robot.spec.name == LOCOBOT.name else None,
-            robot=robot.spec,
-            scene_picture=scene_picture,
-            added_glb=added_glb,
-        ),
-        Floor(*floor),
-    )
-    painter.start(*parts, lambda: server.shown.scene)
+    painter.start(*build_layout(server, session.send, assets, floor), lambda: server.shown.scene)
     stack.callback(painter.close)
     server.listen(session.listener)
-    if options.replay is not None:
-        asked = question_commands(options.replay_question, session.state.debugger.words)
-        session.send(OpenRecording(options.replay, options.replay_at_s, asked))
     return session
 
 

@@ -4,7 +4,7 @@ Owns the rule how an activity ends. `command_handlers` runs commands, and `snaps
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ from ltvn_core.data.importing.played_drive import PlayedDrive
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.recorded_map import BuildOptions
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 from ltvn_viz.session.activities.map_building import MapBuilding
@@ -110,10 +111,6 @@ class AppState:
     library: RecordingLibrary
     open_replay: Callable[[str], Playback]
     """Reads a recording by its name in the library; runs in the worker's thread."""
-    feed: ObservationFeed
-    """Source of the images that the method sees."""
-    goals: Goals
-    teleop: Teleop
     fine_tuning: FineTuning
     predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
     """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
@@ -172,7 +169,17 @@ class AppState:
 
     def __post_init__(self) -> None:
         """Start with teleoperation."""
+        self.feed = ObservationFeed(lambda: self.live.view, self.live.robot.clock)
+        self.goals = Goals(self.live_map, self.worker)
+        self.teleop = Teleop(self.live, self.worker, self.live_map.offer)
         self.activity: Activity = self.teleop
+
+    def start_with(self, known: TopologicalMap, observations: Iterable[Observation]) -> None:
+        """Start the run with a map and its images."""
+        for seen in observations:
+            pose = seen.odometry if seen.exact_pose is None else seen.exact_pose
+            self.live.timeline.place_frame(seen.step, pose)
+        self.live.emit_changes(self.live_map.load(known))
 
     @property
     def shown_run(self) -> Timeline:

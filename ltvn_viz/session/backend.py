@@ -8,7 +8,7 @@ Stand-ins replace a simulator or network that is not installed; they only report
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import NoReturn
@@ -30,7 +30,7 @@ from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.simulation.changes.script_registry import make_script
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import STATIC
-from ltvn_core.simulation.opening import START_CLEARANCE_M, open_simulation
+from ltvn_core.simulation.opening import START_CLEARANCE_M, Simulation, open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
@@ -62,8 +62,7 @@ class AbsentRobot:
         return RobotState(np.full(3, np.nan), stamp=0.0, step=0, bumper_pressed=False)
 
     def drive(self, twist: Twist) -> None:
-        """Raise SceneError."""
-        raise SceneError(f"There is no robot to drive: {self._why}")
+        """Do nothing."""
 
     def stop(self) -> None:
         """Do nothing."""
@@ -103,20 +102,17 @@ START_CANDIDATES = 16
 class Backend:
     """The robot and its environment."""
 
-    robot: Robot | None
-    """The robot; None if recordings are only watched."""
+    robot: Robot
+    """The robot; a stand-in if recordings are only watched."""
+    simulation: Simulation | None = None
+    """The simulated robot in its scene; None for the user's own robot."""
     renderer: Renderer | None = None
     """Draws larger images for people, in simulation only."""
-    scene: Scene | None = None
-    """Scene in which the robot drives; None if there is no model of it."""
-    ground_truth: Callable[[], Pose] | None = None
-    """Returns the true pose (3,) of the robot, in simulation only."""
-    world: World | None = None
-    """The changing state of the scene, in simulation only."""
-    carry: Callable[[Pose], None] | None = None
-    """Moves the robot to a pose (3,), in simulation only; raises SceneError if the place is occupied."""
-    missing: LtvnError | None = None
-    """The error that explains why there is no robot; None if there is one."""
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether there is no robot to drive."""
+        return isinstance(self.robot, AbsentRobot)
 
 
 def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
@@ -153,7 +149,7 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
         if options.replay is None:
             raise
         logger.info("Watching only, because nothing can be driven here: %s", missing)
-        return Backend(robot=None, missing=missing)
+        return Backend(robot=AbsentRobot(missing))
 
 
 def _open_simulator(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
@@ -174,18 +170,9 @@ def _open_simulator(options: AppOptions, known: LoadedMap | None, stack: ExitSta
         script=script,
         body=options.body,
     )
-    robot = simulation.robot
-    stack.callback(robot.close)
-    world = simulation.world
-    world.follow(lambda _: renderer.show(world.scene))
-    return Backend(
-        robot=robot,
-        renderer=renderer,
-        scene=scene,
-        ground_truth=lambda: robot.exact_pose,
-        world=world,
-        carry=robot.teleport,
-    )
+    stack.callback(simulation.robot.close)
+    simulation.world.follow(lambda _: renderer.show(simulation.world.scene))
+    return Backend(robot=simulation.robot, simulation=simulation, renderer=renderer)
 
 
 def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:
@@ -193,8 +180,9 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
 
     Its images and stamps continue those of a `known` map.
     """
-    if backend.robot is None:
-        return LiveRobot(AbsentRobot(backend.missing or SceneError("None was opened.")))
+    if backend.is_absent:
+        return LiveRobot(backend.robot)
+    simulation = backend.simulation
     seen = () if known is None else known.observations.values()
     return LiveRobot(
         fit_camera(backend.robot, predictor.camera),
@@ -203,23 +191,22 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
         last_stamp_s=-math.inf
         if backend.robot.clock.is_simulated
         else max((each.stamp for each in seen), default=-math.inf),
-        ground_truth=backend.ground_truth,
+        ground_truth=None if simulation is None else lambda: simulation.robot.exact_pose,
     )
 
 
 def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
     """Open the larger picture for people, to be closed by `stack`; None if it cannot be rendered."""
-    renderer = backend.renderer
-    if backend.robot is None or renderer is None:
+    renderer, simulation = backend.renderer, backend.simulation
+    if renderer is None or simulation is None:
         return None
     coarse, fine = (backend.robot.spec.camera.scaled(*size) for size in (COARSE, FINE))
-    world = backend.world
 
     def render(pose: Pose, is_fine: bool) -> bytes:
         rgb, _ = renderer.render(pose, fine if is_fine else coarse)
         return cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, 85))[1].tobytes()
 
-    feed = LargerFeed(render, look=lambda: None if world is None else world.state)
+    feed = LargerFeed(render, look=lambda: simulation.world.state)
     stack.callback(feed.close)
     return feed
 

@@ -80,11 +80,11 @@ RADIAN_IN_M = 0.5
 class Goals:
     """The offered goals and the chosen one."""
 
-    def __init__(self, live_map: LiveMap, worker: Worker, thumbnails: ThumbnailStore) -> None:
+    def __init__(self, live_map: LiveMap, worker: Worker) -> None:
         """Offer places of the live map."""
         self._live_map = live_map
         self._worker = worker
-        self._thumbnails = thumbnails
+        self.thumbnails = ThumbnailStore()
         self.selected: NodeId | None = None
         self.gallery: tuple[NodeId, ...] = ()
         self.way: WayNodes | None = None
@@ -141,7 +141,7 @@ class Goals:
 
     def _keep(self, node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
         for frame, rgb in node_images:
-            self._thumbnails.put(frame, rgb)
+            self.thumbnails.put(frame, rgb)
 
 
 OWN_WIDTH = 240

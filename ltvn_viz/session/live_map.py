@@ -228,6 +228,10 @@ class LiveMap:
         """Return the images of the map: of its nodes and its reserve."""
         return self._map.observations
 
+    def copied(self) -> tuple[TopologicalGraph, Sequence[Observation]]:
+        """Return a copy of the map, which no longer changes, with its images."""
+        return self.graph.copy(), self.map_observations()
+
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
         """Return the pictures of those of `frames` that are still in memory."""
         return [(frame, self.keyframes.observation(frame).rgb) for frame in frames if frame in self.keyframes]

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,13 +11,12 @@ import numpy as np
 import trimesh
 
 from ltvn_core.simulation.locobot_model import locobot_glb
+from ltvn_viz.app_opening import open_page
 from ltvn_viz.layers.first_view import Floor
-from ltvn_viz.page_layout import PageAssets, Painter, build_layout
+from ltvn_viz.page_layout import PageAssets, Painter
 from ltvn_viz.server.driver_seat import IDLE_S, LEASE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.fine_tuning import FineTuning
-from ltvn_viz.session.goals import node_picture
-from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
@@ -53,21 +52,10 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     fine_tuning = FineTuning(TUNER, tiny_weights(folder), executor)
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
     seat = DriverSeat(lease_s=LEASE_S if lease_s is None else lease_s, idle_s=idle_s)
-    with GuardedServer(seat=seat, pace=ANY_PACE) as server:
-        server.add_route("/thumb/", harness.thumbnails.get)
-        server.add_route("/seen/", lambda frame: node_picture(harness.state.shown_observation, frame))
-        server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
-        server.add_route(SAVED_PREFIX, harness.state.saved_files.read, ending=SAVED_ENDING)
-        painter = Painter(server.viser.atomic)
-        session = Session(
-            harness.state,
-            server.seat,
-            lambda snapshot: _show(harness, painter, snapshot),
-            absence=lambda: server.presence.absence,
-        )
-        assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
-        painter.start(*build_layout(server, session.send, assets, FLOOR), lambda: server.shown.scene)
-        server.listen(session.listener)
+    assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
+    with ExitStack() as stack:
+        server = stack.enter_context(GuardedServer(seat=seat, pace=ANY_PACE))
+        session = open_page(harness.state, server, stack, _Watched(harness, server), assets, FLOOR)
         thread = threading.Thread(target=session.run, name="session")
         thread.start()
         try:
@@ -75,7 +63,6 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
         finally:
             session.stop()
             thread.join(timeout=10)
-            painter.close()
 
 
 def until_shown(app: FlatApp, holds: Callable[[Snapshot], bool], *, patience_s: float = PATIENCE_S) -> Snapshot:
@@ -99,9 +86,16 @@ def navigate_far(app: FlatApp) -> None:
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 
-def _show(harness: SessionHarness, painter: Painter, snapshot: Snapshot) -> None:
-    harness.shown[:] = [snapshot]
-    painter.publish(snapshot)
+class _Watched(Painter):
+    """A painter whose newest snapshot the harness has too."""
+
+    def __init__(self, harness: SessionHarness, server: GuardedServer) -> None:
+        super().__init__(server.viser.atomic)
+        self._harness = harness
+
+    def publish(self, snapshot: Snapshot) -> None:
+        self._harness.shown[:] = [snapshot]
+        super().publish(snapshot)
 
 
 def _glb(world: FlatWorld) -> bytes:

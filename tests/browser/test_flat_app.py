@@ -241,7 +241,7 @@ def shows_no_success_of_its_own(page: Page) -> None:
 def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: Path) -> None:
     node = farthest(app, app.harness.now.gallery)
     picture = tmp_path / "goal.jpg"
-    picture.write_bytes(app.harness.thumbnails.get(node) or b"")
+    picture.write_bytes(app.harness.state.goals.thumbnails.get(node) or b"")
     events = app.harness.state.live.timeline.events
     before = len(events)
     upload(page, picture)

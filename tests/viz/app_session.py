@@ -4,7 +4,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from ltvn_viz.app_opening import open_app_state
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
@@ -18,7 +17,7 @@ class AppSession:
 
     def __init__(self, stack: ExitStack, options: AppOptions) -> None:
         """Open it until the stack closes."""
-        self.state = open_app_state(options, stack, ThumbnailStore())
+        self.state = open_app_state(options, stack)
         self.shown: list[Snapshot] = []
         self.session = Session(self.state, FakeDriver(), self.shown.append)
         stack.callback(self.session.close)

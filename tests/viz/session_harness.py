@@ -26,11 +26,8 @@ from ltvn_core.types import CONTROL_STEP_S, FrameId, NodeId, Observation, Predic
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.fine_tuning import FineTuning
-from ltvn_viz.session.goals import Goals, ThumbnailStore
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
 from ltvn_viz.session.recorder import Recorder
@@ -178,7 +175,6 @@ class SessionHarness:
         self.shown: list[Snapshot] = []
         self.writers: list[FakeWriter] = []
         self.library = RecordingLibrary(folder)
-        self.thumbnails = ThumbnailStore()
         seen, deltas = mapped_tour(self.world.walls.tobytes(), tuple(map(tuple, way))) if mapped else ((), ())
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
@@ -191,12 +187,10 @@ class SessionHarness:
             self.library,
             open_writer or self._open_writer,
             lambda: datetime(2030, 1, 2),
-            take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
+            take_map=live_map.copied,
             executor=recording_executor or InlineExecutor(),
         )
         live = LiveRun(robot, recorder, Timeline())
-        goals = Goals(live_map, worker, self.thumbnails)
-        teleop = Teleop(live, worker, live_map.offer)
         self.inspector = Inspector(all_questions(live.breakpoint_monitor), worker)
         self.state = AppState(
             scene="flat",
@@ -205,19 +199,13 @@ class SessionHarness:
             worker=worker,
             library=self.library,
             open_replay=self.open_replay,
-            feed=ObservationFeed(lambda: live.view, robot.clock),
-            goals=goals,
-            teleop=teleop,
             fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),
             predictor_for=lambda weights: (load_predictor(weights), ltvn_system(ROBUST)),
             debugger=self.inspector,
         )
         self.session = Session(self.state, self.driver, self.shown.append)
-        for picture in seen:
-            live.timeline.place_frame(picture.step, np.asarray(picture.exact_pose))
         known = TopologicalMap.of(live_map.predictor, live_map.system, TopologicalGraph(deltas), seen)
-        for delta in live_map.load(known):
-            live.emit(GraphChanged(delta))
+        self.state.start_with(known, seen)
 
     @property
     def now(self) -> Snapshot:

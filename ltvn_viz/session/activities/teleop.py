@@ -28,7 +28,10 @@ class Teleop:
     mode = Mode.TELEOP
 
     def __init__(self, live: LiveRun, worker: Worker, offer: Callable[[Observation], Sequence[GraphDelta]]) -> None:
-        """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns the changes."""
+        """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns the changes.
+
+        A missing robot, whose pose is not finite, takes no images.
+        """
         self._live = live
         self._worker = worker
         self._offer = offer
@@ -69,6 +72,8 @@ class Teleop:
 
     def _look(self) -> None:
         pose = self._live.robot.state().odometry
+        if not np.isfinite(pose).all():
+            return
         if self._captured is not None and np.array_equal(pose, self._captured):
             # A standing robot sees nothing new for the map, but people may walk past, and doors may close.
             self._live.glance()
@@ -100,16 +105,6 @@ class Teleop:
             # A recording that began while the image waited needs the image too, because its map will use it.
             self._live.recorder.write_frame(observation)
         self._live.emit_changes(deltas)
-
-
-class AbsentTeleop(Teleop):
-    """Teleoperation without a robot: nothing moves, and there are no images."""
-
-    def handle(self, twist: Twist | None) -> None:
-        """Do nothing."""
-
-    def tick(self) -> None:
-        """Do nothing."""
 
 
 def _moved(before: Pose, after: Pose) -> bool:

@@ -16,7 +16,6 @@ from ltvn_core.systems.registry import system_entry
 from ltvn_core.verbs.build import BuildSummary, BuildVerb
 from ltvn_core.verbs.navigate import NavigateVerb
 from ltvn_viz.app_opening import open_app_state
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 
 pytest.importorskip("embreex")
@@ -70,7 +69,7 @@ def test_the_app_drives_a_map_with_its_own_system_and_weights_and_records_that(d
     built = tmp_path / "map.rrd"
     BuildVerb(recordings=(drive,), output=built, system="ving").run()
     with ExitStack() as stack:
-        state = open_app_state(AppOptions(map=built, recordings=tmp_path), stack, ThumbnailStore())
+        state = open_app_state(AppOptions(map=built, recordings=tmp_path), stack)
         state.live.begin_recording()
         recorded = state.live.recorder.close()
         nodes = len(state.live_map.graph.nodes)

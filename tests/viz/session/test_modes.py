@@ -33,7 +33,7 @@ def test_on_the_way_the_images_of_subgoal_and_goal_are_at_hand_and_afterwards_no
     way = harness.until(lambda now: now.way is not None and now.way.next is not None).way
     assert way is not None
     assert way.goal == goal
-    assert all(harness.thumbnails.get(node) for node in way if node is not None)
+    assert all(harness.state.goals.thumbnails.get(node) for node in way if node is not None)
     assert harness.until(lambda now: now.mode is Mode.TELEOP).way is None
 
 

@@ -16,7 +16,6 @@ from ltvn_core.types import Observation
 from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.wishes import commands as c
@@ -56,7 +55,7 @@ def recording(tmp_path: Path) -> Path:
 @pytest.fixture
 def open_state() -> Iterator[Opening]:
     with ExitStack() as stack:
-        yield lambda options: open_app_state(options, stack, ThumbnailStore())
+        yield lambda options: open_app_state(options, stack)
 
 
 def test_a_recording_of_an_unknown_scene_is_watched_at_any_moment_without_robot_and_walls(recording: Path) -> None:

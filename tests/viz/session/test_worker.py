@@ -113,7 +113,7 @@ def test_the_map_grows_while_one_drives(tmp_path: Path) -> None:
     assert len(harness.now.moment.graph.ids) > 5
     assert len(harness.now.moment.graph.p) > 5
     assert harness.now.gallery
-    assert harness.thumbnails.get(harness.now.gallery[0])
+    assert harness.state.goals.thumbnails.get(harness.now.gallery[0])
 
 
 def test_the_newest_pose_wins_in_the_persons_camera() -> None:

@@ -19,7 +19,6 @@ from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.types import NodeId, Pose
 from ltvn_core.worlds import DoorMoved
 from ltvn_viz.app_opening import open_app_state
-from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.snapshot import WorldView
 from ltvn_viz.wishes import commands as c
@@ -173,7 +172,7 @@ def test_a_script_of_changes_runs_in_the_page_from_the_beginning(tmp_path: Path)
 def test_a_script_that_is_none_is_refused_before_the_page_opens(tmp_path: Path) -> None:
     options = AppOptions(predictor="oracle", recordings=tmp_path, world="sometimes")
     with ExitStack() as stack, pytest.raises(WorldError, match="sometimes"):
-        open_app_state(options, stack, ThumbnailStore())
+        open_app_state(options, stack)
 
 
 @pytest.mark.parametrize("away_m", [0.0, 1e3], ids=["in the scene", "outside of it"])

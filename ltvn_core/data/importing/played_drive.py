@@ -140,8 +140,7 @@ class PlayedDrive:
     @property
     def is_over(self) -> bool:
         """Whether the last image was observed."""
-        with self._lock:
-            self._play()
+        with self._lock:  # Reads no frame: `state` and `observe` do.
             return self._begun_s is not None and self._newest is None and self._next is None
 
     def wait(self) -> None:

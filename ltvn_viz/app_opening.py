@@ -37,7 +37,7 @@ from ltvn_core.types import Pose, Predictor
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.layers.first_view import Floor
-from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb, scene_picture
+from ltvn_viz.layers.scene_assets import floor_bounds
 from ltvn_viz.page_layout import PageAssets, Painter, build_layout
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.activities.playback import ReplayMethods, open_replay
@@ -296,13 +296,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     middle = np.nan_to_num(robot.drawn_pose[:2])
     around = middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
     floor = floor_bounds(state.scene) or _driven_floor(state, options) or around
-    assets = PageAssets(
-        scene_glb=scene_glb,
-        robot_glb=locobot_glb() if robot.spec.name == LOCOBOT.name else None,
-        robot=robot.spec,
-        scene_picture=scene_picture,
-        added_glb=added_glb,
-    )
+    assets = PageAssets(robot.spec, locobot_glb() if robot.spec.name == LOCOBOT.name else None)
     session = open_page(state, server, stack, Painter(server.viser.atomic), assets, Floor(*floor))
     if options.replay is not None:
         asked = question_commands(options.replay_question, session.state.debugger.words)

@@ -17,7 +17,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.navigation.events import Severity
-from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.worlds import WorldState
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.floor_plan import FloorPlanLayer
@@ -25,7 +25,7 @@ from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GoalLayer, PlanLayer
 from ltvn_viz.layers.plan_view import PlanView
 from ltvn_viz.layers.robot_layers import RobotLayer, TrajectoryLayer
-from ltvn_viz.layers.scene_assets import FloorPicture, add_lights
+from ltvn_viz.layers.scene_assets import FloorPicture, add_lights, added_glb, scene_glb, scene_picture
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.command_palette import CommandPalette, list_stop
@@ -129,14 +129,14 @@ TITLE = "Lifelong Topological Visual Navigation"
 class PageAssets:
     """Functions and data from which the static parts of the page are drawn."""
 
-    scene_glb: Callable[[str, WorldState], bytes]
-    """Returns a scene, given its name and state, as binary glTF without the ceiling; raises SceneError."""
+    robot: RobotSpec
     robot_glb: bytes | None
     """The robot's body as binary glTF; None draws a cylinder of its size."""
-    robot: RobotSpec = LOCOBOT
-    scene_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None
+    scene_glb: Callable[[str, WorldState], bytes] = scene_glb
+    """Returns a scene, given its name and state, as binary glTF without the ceiling; raises SceneError."""
+    scene_picture: Callable[[str, WorldState], FloorPicture | None] = scene_picture
     """Draws a scene from above, for pages that draw slowly; None if it cannot be drawn. Raises SceneError."""
-    added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
+    added_glb: Callable[[str, WorldState], bytes | None] = added_glb
     """Returns the temporary parts of a scene, such as closed doors and people; None if there are none. Raises
     SceneError."""
 

@@ -1,6 +1,5 @@
 """Layers of a query: the goal and the plan."""
 
-import numpy as np
 import viser
 
 from ltvn_core import palette
@@ -29,9 +28,7 @@ class PlanLayer:
         if plan == self._drawn[0] and (not plan or moment.graph is self._drawn[1]):
             return
         self._drawn = plan, moment.graph
-        line = points(moment.graph.poses_of(plan), PLAN_Z)
-        segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
-        self.lines.draw(segments, np.full((len(segments), 3), palette.PLAN, np.uint8))
+        self.lines.draw_path(moment.graph.poses_of(plan), PLAN_Z, palette.PLAN)
 
 
 class GoalLayer:

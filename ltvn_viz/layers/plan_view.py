@@ -6,7 +6,6 @@ else when it changes. Pages fetch the map (`map_changes`) and pictures of floors
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -25,7 +24,7 @@ from ltvn_core.types import Pose
 from ltvn_core.worlds import AS_MADE, DoorMoved, ThingKind, WorldState
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.map_changes import MapChanges
-from ltvn_viz.layers.scene_assets import PICTURE_PX, FloorPicture
+from ltvn_viz.layers.scene_assets import PICTURE_PX, FloorPicture, without_guests
 from ltvn_viz.server.drive_socket import Newest
 from ltvn_viz.session.inspection import Overlay, QuestionName
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
@@ -106,9 +105,7 @@ class PlanView:
 
     def _load_scene(self, snapshot: Snapshot) -> None:
         """Draw the scene from above; it takes a second, so all else was sent before."""
-        world = snapshot.moment.progress.world
-        own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
-        scene = snapshot.scene, replace(world, closed_doors=frozenset(), things=own, people=())
+        scene = snapshot.scene, without_guests(snapshot.moment.progress.world)
         if scene == self._scene:
             return
         self._scene = scene

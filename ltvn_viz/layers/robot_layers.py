@@ -114,7 +114,4 @@ class TrajectoryLayer:
             return
         self._drawn = poses
         self._when = self._clock()
-        line = points(poses, TRAJECTORY_Z)
-        segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
-        segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < JUMP_M]
-        self.lines.draw(segments, np.full((len(segments), 3), palette.TRAJECTORY, np.uint8))
+        self.lines.draw_path(poses, TRAJECTORY_Z, palette.TRAJECTORY, jump_m=JUMP_M)

@@ -24,7 +24,7 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Rgb
-from ltvn_core.worlds import AS_MADE, OWN_PREFIX, WorldState
+from ltvn_core.worlds import AS_MADE, OWN_PREFIX, ThingKind, WorldState
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)
 """Brightness of faces by their orientation: horizontal, normal along x, and normal along y."""
@@ -33,6 +33,12 @@ PICTURE_PX = 2048
 UNLIT_EXTENSION = "KHR_materials_unlit"
 _GAMMA = 2.2
 _JSON_CHUNK = 0x4E4F534A
+
+
+def without_guests(state: WorldState) -> WorldState:
+    """Return a state of a scene without what `added_glb` draws of it."""
+    own = tuple(each for each in state.things if each.kind is ThingKind.FURNITURE)
+    return replace(state, closed_doors=frozenset(), things=own, people=())
 
 
 class FloorPicture(NamedTuple):

@@ -7,7 +7,8 @@ from dataclasses import replace
 import viser
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.worlds import AS_MADE, ThingKind, WorldState
+from ltvn_core.worlds import AS_MADE, WorldState
+from ltvn_viz.layers.scene_assets import without_guests
 from ltvn_viz.session.snapshot import Snapshot
 
 LINGER_S = 1.5
@@ -48,10 +49,7 @@ class SceneLayer:
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the scene that the snapshot names; a floor with a grid in metres if that scene is not installed."""
-        world = snapshot.moment.progress.world
-        # `AddedLayer` draws added objects.
-        own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
-        shown = snapshot.scene, replace(world, closed_doors=frozenset(), things=own, people=())
+        shown = snapshot.scene, without_guests(snapshot.moment.progress.world)  # `AddedLayer` draws added objects.
         if self._before is not None and self._clock() >= self._before_until:
             self._take_before_away()
         if shown == self._shown:

@@ -76,6 +76,13 @@ class LineSegments:
         self.handle.visible = bool(len(segments))
         self._draw_outline(segments)
 
+    def draw_path(self, poses: Pose, height_m: float, colour: palette.Rgb8, *, jump_m: float = np.inf) -> None:
+        """Replace all segments by a path along poses (N, 3); steps of `jump_m` and more are left out."""
+        line = points(poses, height_m)
+        segments = np.stack([line[:-1], line[1:]], axis=1)
+        segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < jump_m]
+        self.draw(segments, np.full((len(segments), 3), colour, np.uint8))
+
     def _draw_outline(self, segments: NDArray[np.float32]) -> None:
         if self.outline is None:
             return

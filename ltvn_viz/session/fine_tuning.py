@@ -100,24 +100,20 @@ class FineTuning:
         self._tune = tune
         self.weights = weights
         self._job = Job[FineTunedWeights](Worker(executor))
-        self.is_possible = tune is not None
-        """Whether there is a network to train."""
-        self._status = FineTuningStatus()
+        self._status = FineTuningStatus(is_possible=tune is not None)
         self._told: tuple[float, str] = 0.0, ""
         self._time = LearningTime(0)
-        self._besides_s: float | None = None
         self._offer: Path | None = None
 
     @property
     def status(self) -> FineTuningStatus:
         """The state for the page."""
-        status = replace(self._status, besides_s=self._besides_s)
-        if status.phase is not FineTuningPhase.LEARNING:
-            return status
+        if self._status.phase is not FineTuningPhase.LEARNING:
+            return self._status
         share, doing = self._told
         if self._job.cancelled.is_set():
-            return replace(status, share=share, doing="stopping")
-        return replace(status, share=share, doing=doing, left=self._time.left)
+            return replace(self._status, share=share, doing="stopping")
+        return replace(self._status, share=share, doing=doing, left=self._time.left)
 
     @property
     def offer(self) -> Path:
@@ -135,7 +131,7 @@ class FineTuning:
         self._offer = None
         self._told = (0.0, "beginning")
         self._time = LearningTime(minutes)
-        self._status = FineTuningStatus(FineTuningPhase.LEARNING, drive.name)
+        self._become(FineTuningPhase.LEARNING, drive.name)
         self._job.begin("Learning", lambda _: self._learned(tune, request), self._ended)
 
     def require_free(self) -> None:
@@ -155,7 +151,7 @@ class FineTuning:
     def dismiss(self) -> None:
         """Keep the weights in use; the new ones stay on disk."""
         self._offer = None
-        self._status = FineTuningStatus()
+        self._become(FineTuningPhase.IDLE)
 
     def adopt(self, weights: Path) -> None:
         """Start the next training from these weights."""
@@ -181,17 +177,19 @@ class FineTuning:
 
     def _ended(self) -> None:
         name = self._status.drive
-        self._besides_s = self._time.besides_s or self._besides_s
+        self._status = replace(self._status, besides_s=self._time.besides_s or self._status.besides_s)
         if (result := self._job.result) is not None:
             worse = far_false_positives_grew(result)
             self._offer = None if worse else result.weights
             phase = FineTuningPhase.WORSE if worse else FineTuningPhase.LEARNED
-            self._status = FineTuningStatus(phase, name, lines=result_lines(result), path=str(result.weights))
+            self._become(phase, name, result_lines(result), str(result.weights))
         elif self._job.phase is Phase.FAILED:
-            self._status = FineTuningStatus(FineTuningPhase.FAILED, name, lines=(self._job.reason,))
+            self._become(FineTuningPhase.FAILED, name, (self._job.reason,))
         else:
-            stopped = "Stopped; the network is as it was."
-            self._status = FineTuningStatus(FineTuningPhase.IDLE, name, lines=(stopped,))
+            self._become(FineTuningPhase.IDLE, name, ("Stopped; the network is as it was.",))
+
+    def _become(self, phase: FineTuningPhase, drive: str = "", lines: tuple[str, ...] = (), path: str = "") -> None:
+        self._status = replace(self._status, phase=phase, drive=drive, lines=lines, path=path)
 
 
 def far_false_positives_grew(learned: FineTunedWeights) -> bool:

@@ -73,7 +73,7 @@ class SnapshotBuilder:
         self._meter.count()
         activity = state.activity
         making = state.making.work
-        learning = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
+        learning = state.fine_tuning.status
         if learning.phase is not FineTuningPhase.LEARNING:
             learning = replace(learning, drive=drive_name(state))
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)

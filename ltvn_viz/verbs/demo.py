@@ -1,7 +1,7 @@
 """`ltvn demo`: the page's main job, in the page or without a browser."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ltvn_core.errors import OptionError
 from ltvn_core.verbs.demo import HeadlessDemoVerb
@@ -30,16 +30,18 @@ class DemoVerb(HeadlessDemoVerb):
             return super().run()
         if self.story:
             raise OptionError("--story needs --headless. In the page, press “Watch it learn” under “World”.")
-        page = AppVerb(
+        return replace(self._page, scene=self.scene, body=self.body).run()
+
+    @property
+    def _page(self) -> AppVerb:
+        """The page with the settings that all robots share."""
+        return AppVerb(
             port=self.port,
-            scene=self.scene,
             seed=self.seed,
             predictor=self.predictor,
             weights=self.weights,
-            body=self.body,
             stream=self.stream,
         )
-        return page.run()
 
     def _drive_robot(self) -> Summary:
         """Start a ROS 2 robot and the page that drives it; in the demo apartment, use its ready-made map."""
@@ -52,13 +54,5 @@ class DemoVerb(HeadlessDemoVerb):
         _LOG.info("Starting a router, the simulated robot and its guard…")
         with robot_processes(self.scene, "--seed", str(self.seed), "--body", self.body) as robot:
             _LOG.info("For other programs of ROS 2 the robot is at %s.", robot.address)
-            page = AppVerb(
-                port=self.port,
-                robot=robot.place,
-                map=demo_file(DEMO_MAP) if self.scene == DEMO_SCENE else None,
-                seed=self.seed,
-                predictor=self.predictor,
-                weights=self.weights,
-                stream=self.stream,
-            )
-            return page.run()
+            known = demo_file(DEMO_MAP) if self.scene == DEMO_SCENE else None
+            return replace(self._page, robot=robot.place, map=known).run()

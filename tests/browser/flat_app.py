@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_viz.app_opening import open_page
 from ltvn_viz.layers.first_view import Floor
@@ -52,7 +53,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     fine_tuning = FineTuning(TUNER, tiny_weights(folder), executor)
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
     seat = DriverSeat(lease_s=LEASE_S if lease_s is None else lease_s, idle_s=idle_s)
-    assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
+    assets = PageAssets(LOCOBOT, locobot_glb(), lambda _name, _state: _glb(harness.world))
     with ExitStack() as stack:
         server = stack.enter_context(GuardedServer(seat=seat, pace=ANY_PACE))
         session = open_page(harness.state, server, stack, _Watched(harness, server), assets, FLOOR)

@@ -115,7 +115,7 @@ def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
         app.session.send(c.Ask(c.Action.RECORD))
         while (minute := (time.monotonic() - began) / 60) < minutes:
             graph = app.session.state.live_map.graph
-            if app.session.mode is Mode.TELEOP:
+            if app.session.state.activity.mode is Mode.TELEOP:
                 app.session.send(c.Ask(c.Action.GOAL, int(rng.choice(list(graph.nodes)))))
             if 60 * minute >= due:
                 due += SAMPLE_S

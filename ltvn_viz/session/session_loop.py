@@ -10,13 +10,11 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Protocol
 
 from ltvn_core.errors import LtvnError, OptionError, RobotError
 from ltvn_core.navigation.events import Severity
-from ltvn_core.types import Twist
 from ltvn_viz.server.drive_socket import DriveListener
-from ltvn_viz.server.driver_seat import Absence, StopReason
+from ltvn_viz.server.driver_seat import Absence, DriverSeat, StopReason
 from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -42,25 +40,13 @@ STALL_S = 0.5
 """After a stall longer than this, the robot's time continues from where it stood instead of catching up."""
 
 
-class TwistSource(Protocol):
-    """The seat of the driver."""
-
-    def current_twist(self) -> Twist | None:
-        """Return the velocity that the driver requests now; None without a driver."""
-        ...
-
-    def keep(self, *, kept: bool) -> None:
-        """Keep the seat for its driver, also without input."""
-        ...
-
-
 class Session:
     """The running app without its page."""
 
     def __init__(
         self,
         state: AppState,
-        driver: TwistSource,
+        driver: DriverSeat,
         publish: Callable[[Snapshot], None],
         clock: Callable[[], float] = time.monotonic,
         *,
@@ -72,7 +58,8 @@ class Session:
         `absence` returns the current time without any open page, or None while one is open and before the first one;
         `is_seen` tells whether one is open.
         """
-        self._state = state
+        self.state = state
+        """The state of the session; only its own thread may change it."""
         self._driver = driver
         self._publish = publish
         self._clock = clock
@@ -112,16 +99,6 @@ class Session:
             on_link=on_link,
             on_absence=self.wake,
         )
-
-    @property
-    def mode(self) -> Mode:
-        """The current mode of the app."""
-        return self._state.activity.mode
-
-    @property
-    def state(self) -> AppState:
-        """The state of the session; only its own thread may change it."""
-        return self._state
 
     def send(self, command: c.Command) -> None:
         """Send a command, from any thread; never blocks."""
@@ -175,23 +152,23 @@ class Session:
 
     def close(self) -> None:
         """Stop the robot and keep the running recording."""
-        self._state.live.robot.stop()
-        self._state.cancel("The app is closing", "the app is closing")
-        self._state.fine_tuning.cancel()
-        self._state.making.close()
-        self._state.worker.close()
-        self._guarded(self._state.worker.collect)
-        self._state.fine_tuning.close()
+        self.state.live.robot.stop()
+        self.state.cancel("The app is closing", "the app is closing")
+        self.state.fine_tuning.cancel()
+        self.state.making.close()
+        self.state.worker.close()
+        self._guarded(self.state.worker.collect)
+        self.state.fine_tuning.close()
         self._guarded(self._keep_recording)
 
     def _keep_recording(self) -> None:
-        kept = self._state.live.recorder.close()
+        kept = self.state.live.recorder.close()
         if kept is not None:
             logger.info("kept the recording %s", kept)
 
     def _react(self) -> None:
         """Run the waiting commands and pass held keys to the robot."""
-        state = self._state
+        state = self.state
         while self._commands:
             handle(state, self._commands.popleft())
         _hold_without_pages(state, self._absence())
@@ -207,7 +184,7 @@ class Session:
 
     def _advance(self) -> None:
         """Advance robot time by a tick."""
-        state = self._state
+        state = self.state
         _watch_link(state)
         if state.played is not None and state.played.is_waiting and self._is_seen():
             state.played.play()
@@ -233,35 +210,35 @@ class Session:
 
     def _record(self) -> None:
         """Let the recorder continue; file errors do not stop the driving."""
-        state = self._state
+        state = self.state
         try:
             state.live.recorder.tick(map_is_still=state.worker.pending == 0)
         except LtvnError as error:
             state.say(str(error), Severity.ERROR, is_trouble=True)
 
     def _show(self) -> None:
-        failure = self._state.live.recorder.take_failure()
+        failure = self.state.live.recorder.take_failure()
         if failure is not None:
-            self._state.say(failure, Severity.ERROR, is_trouble=True)
+            self.state.say(failure, Severity.ERROR, is_trouble=True)
         if not self._is_seen() and self._clock() < self._unseen_until:
             return  # Nobody looks.
         self._unseen_until = self._clock() + UNSEEN_S
-        self._guarded(self._state.live.renew_view)
-        self._publish(self._snapshot_builder.build(self._state))
+        self._guarded(self.state.live.renew_view)
+        self._publish(self._snapshot_builder.build(self.state))
 
     def _guarded(self, part: Callable[[], None]) -> None:
         """Run a part of the loop; after an error the robot stops, the page shows the error, and the loop continues."""
         try:
             part()
         except LtvnError as error:
-            link = self._state.link
+            link = self.state.link
             if link is not None and link.news is not None and isinstance(error, RobotError):
-                self._state.drop()  # The error was reported before.
+                self.state.drop()  # The error was reported before.
             else:
-                self._state.fail(str(error))
+                self.state.fail(str(error))
         except Exception as error:
             logger.exception("the session failed")
-            self._state.fail(
+            self.state.fail(
                 f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped, and the "
                 "recording is kept. The log on the console says more; please report it."
             )

@@ -48,12 +48,12 @@ def wait_for_rest(app: App) -> None:
     state = app.session.state
     until(
         lambda: (
-            app.session.mode is Mode.TELEOP
+            app.session.state.activity.mode is Mode.TELEOP
             and not state.teleop.is_driven
             and not state.teleop.is_mapping
             and state.worker.pending == 0
         ),
-        explain=lambda: f"{app.session.mode}, {state.worker.pending} jobs",
+        explain=lambda: f"{app.session.state.activity.mode}, {state.worker.pending} jobs",
     )
 
 

@@ -188,7 +188,7 @@ class DebuggerPage:
     @property
     def is_replay(self) -> bool:
         """Tell whether the recording is on show, not the robot."""
-        return self.app.session.mode is Mode.REPLAY
+        return self.app.session.state.activity.mode is Mode.REPLAY
 
     @property
     def is_playing(self) -> bool:
@@ -222,5 +222,5 @@ def open_debugger(
     with running_app(options) as app, open_page(chromium, app.server.url, **WINDOW, draws=draws) as page:
         page.get_by_role("tab", name="Why").click()
         debugger = DebuggerPage(app, page, folder)
-        debugger.until(lambda: app.session.mode is Mode.REPLAY)
+        debugger.until(lambda: app.session.state.activity.mode is Mode.REPLAY)
         yield debugger

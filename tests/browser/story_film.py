@@ -141,8 +141,8 @@ def _send_to_a_goal(film: Film) -> None:
     film.take(CLICKING_MS)
     film.click(film.page.get_by_role("tab", name="Go"))
     film.click(film.page.locator(".lt-gallery img").nth(GOAL))
-    film.tick_until(lambda: film.app.session.mode is Mode.NAVIGATING)
-    film.play(QUERY_EVERY_S, lambda: film.app.session.mode is Mode.TELEOP, lambda: False)
+    film.tick_until(lambda: film.app.session.state.activity.mode is Mode.NAVIGATING)
+    film.play(QUERY_EVERY_S, lambda: film.app.session.state.activity.mode is Mode.TELEOP, lambda: False)
     film.take(READING_MS)
 
 

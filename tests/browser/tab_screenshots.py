@@ -94,7 +94,7 @@ def _go(app: RunningApp, page: Page) -> None:
     here = min(live_map.graph.nodes, key=lambda node: _gap_m(live_map.keyframes.observation(node).exact_pose, start))
     planner = Planner(live_map.graph, ROBUST.planning)
     click_goal_image(app, page, lambda offered: max(offered, key=lambda goal: planner.plan(here, goal).cost))
-    until(lambda: app.session.mode is Mode.NAVIGATING)
+    until(lambda: app.session.state.activity.mode is Mode.NAVIGATING)
     until(lambda: _gap_m(robot.drawn_pose, start) > UNDERWAY_M)
     _take(app, page, "go")
     page.keyboard.press("Escape")
@@ -114,7 +114,7 @@ def _change_the_world(app: RunningApp, page: Page) -> None:
 def _replay(app: RunningApp, page: Page) -> None:
     """Open a recording in which queries fail."""
     app.session.send(OpenRecording("demo-fault.rrd", FAULT_S))
-    until(lambda: app.session.mode is Mode.REPLAY)
+    until(lambda: app.session.state.activity.mode is Mode.REPLAY)
     page.get_by_role("tab", name="Replay").click()
     page.get_by_role("button", name="Back to the robot").wait_for()
     _take(app, page, "replay")

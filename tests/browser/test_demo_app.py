@@ -68,7 +68,7 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
     expect(page.get_by_text("Kept as").first).to_be_visible()
     page.get_by_role("tab", name="Replay").click()
     page.get_by_role("button", name="Open", exact=True).click()
-    until(lambda: app.session.mode is Mode.REPLAY)
+    until(lambda: app.session.state.activity.mode is Mode.REPLAY)
     timeline, whole = page.get_by_label("moment on show"), page.get_by_text(re.compile(r"\d\d images, \d+ nodes"))
 
     def to_the_end() -> None:
@@ -77,7 +77,7 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
 
     until(whole.is_visible, meanwhile=to_the_end)
     page.get_by_role("button", name="Back to the robot").click()
-    until(lambda: app.session.mode is Mode.TELEOP)
+    until(lambda: app.session.state.activity.mode is Mode.TELEOP)
 
 
 def test_a_page_says_large_that_the_app_is_frozen_or_has_ended_which_a_polite_kill_does_in_order(

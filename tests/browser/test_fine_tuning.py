@@ -127,7 +127,7 @@ def test_a_whole_fine_tuning_changes_nothing_until_its_weights_are_used_for_a_ne
     button(page, "Use these weights").click()
 
     until(lambda: app.session.state.live_map.fingerprint == weights_fingerprint(weights))
-    until(lambda: app.session.mode is Mode.TELEOP)
+    until(lambda: app.session.state.activity.mode is Mode.TELEOP)
     expect(page.get_by_text(f"weights {weights_fingerprint(weights)}").first).to_be_visible()
     shown = moment_of(app.session.state.live.timeline).graph.ids.tolist()
     assert shown == list(app.session.state.live_map.graph.nodes) != []

@@ -41,8 +41,8 @@ def idle(app: FlatApp, page: Page) -> None:
     """Begin at the robot, with nothing under way and nothing being recorded."""
     # Not by the key: what is sent through the page might come when the test has begun something.
     app.session.send(c.Ask(c.Action.CANCEL))
-    until(lambda: app.session.mode in (Mode.TELEOP, Mode.REPLAY))
-    if app.session.mode is Mode.REPLAY:
+    until(lambda: app.session.state.activity.mode in (Mode.TELEOP, Mode.REPLAY))
+    if app.session.state.activity.mode is Mode.REPLAY:
         app.session.send(c.Ask(c.Action.CLOSE))
     if app.harness.state.live.recorder.is_on:
         app.session.send(c.Ask(c.Action.DISCARD))
@@ -276,7 +276,7 @@ def test_an_upload_that_is_no_image_is_a_clear_error(app: FlatApp, page: Page, t
     expect(page.get_by_role("alert").filter(has_text="<b>evil.jpg").first).to_be_visible()
     shows_no_success_of_its_own(page)
     expect(page.locator(".lt-health:visible")).not_to_have_text("Trouble")  # The app itself is well.
-    assert app.session.mode is Mode.TELEOP
+    assert app.session.state.activity.mode is Mode.TELEOP
 
 
 _CONNECT_LATE = """

@@ -88,7 +88,7 @@ def test_three_clicks_on_nodes_and_three_on_the_plan_align_it(app: FlatApp, page
     graph = app.harness.now.moment.graph
     poses = dict(zip(map(int, graph.ids), graph.poses, strict=True))
     np.testing.assert_allclose(align_floor_plan(told.split()[1:], poses).pose, frame_of(app), atol=1e-9)
-    assert app.session.mode is Mode.TELEOP
+    assert app.session.state.activity.mode is Mode.TELEOP
     assert app.harness.state.queries == 0
 
 

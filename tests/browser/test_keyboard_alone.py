@@ -108,7 +108,7 @@ def test_a_number_typed_into_the_palette_is_the_goal_and_an_unknown_one_moves_no
     palette.get_by_role("textbox").fill("node 123456")
     page.keyboard.press("Enter")
     until_shown(app, lambda now: now.message is not None and "123456" in now.message.text)
-    assert app.session.mode is Mode.TELEOP
+    assert app.session.state.activity.mode is Mode.TELEOP
     expect(palette).to_have_count(0)
 
     page.keyboard.press("Control+k")

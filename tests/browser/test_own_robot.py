@@ -78,8 +78,8 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     page.get_by_role("tab", name="Go").click()
     start = pose(app)
     goal = click_goal_image(app, page, lambda offered: farthest(app, offered))
-    until(lambda: app.session.mode is Mode.NAVIGATING)
-    until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
+    until(lambda: app.session.state.activity.mode is Mode.NAVIGATING)
+    until(lambda: app.session.state.activity.mode is Mode.TELEOP, patience_s=TRIP_S)
     ended = moment_of(live.timeline).progress.ended
     assert ended is not None
     assert (ended.goal, ended.outcome) == (goal, Outcome.ARRIVED)

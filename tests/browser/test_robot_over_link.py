@@ -85,8 +85,8 @@ def go_to_a_place(app: RunningApp, page: Page) -> tuple[NodeId, QueryEnded]:
     """Go to a goal; choose it again where a stalled machine lost the images, which leaves a query without an end."""
     for _ in range(ATTEMPTS):
         goal = click_goal_image(app, page, lambda offered: nearest(app, offered))
-        until(lambda: app.session.mode is Mode.NAVIGATING)
-        until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
+        until(lambda: app.session.state.activity.mode is Mode.NAVIGATING)
+        until(lambda: app.session.state.activity.mode is Mode.TELEOP, patience_s=TRIP_S)
         ended = moment_of(app.session.state.live.timeline).progress.ended
         if ended is not None and ended.outcome is not Outcome.CANCELLED:
             return goal, ended

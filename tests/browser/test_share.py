@@ -41,7 +41,7 @@ def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
     with open_page(chromium, "about:blank", width=1000, height=640, draws=False) as page:
         yield page
     # The next link asks for the same: only what is not on show any more can be seen to come.
-    if app.session.mode is Mode.REPLAY:
+    if app.session.state.activity.mode is Mode.REPLAY:
         app.session.send(Ask(Action.CLOSE))
     wait_for_rest(app)
     until_shown(app, lambda now: now.replay is None)

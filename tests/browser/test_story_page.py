@@ -38,7 +38,7 @@ def told(app: RunningApp) -> StoryTeller:
 def test_stop_between_two_parts_ends_the_story_and_the_robot_moves_no_more(app: RunningApp, page: Page) -> None:
     newcomer.begin_story(page)
     expect(page.locator(".ltvn-status")).to_contain_text("The story continues")
-    assert app.session.mode is Mode.TELEOP
+    assert app.session.state.activity.mode is Mode.TELEOP
     page.keyboard.press("Space")
     until(lambda: told(app).is_over)
     expect(page.get_by_role("button", name="Watch it learn")).to_be_enabled()

@@ -49,7 +49,7 @@ def exact_pose(app: RunningApp, node: NodeId) -> Pose:
 
 def assert_the_robot_goes_to(app: RunningApp, node: NodeId) -> None:
     """Wait for the end of the task, and judge it by the paper's criterion."""
-    until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
+    until(lambda: app.session.state.activity.mode is Mode.TELEOP, patience_s=TRIP_S)
     ended = moment_of(app.session.state.live.timeline).progress.ended
     assert ended is not None
     assert (ended.goal, ended.outcome) == (node, Outcome.ARRIVED)
@@ -67,7 +67,7 @@ def test_an_image_of_the_ready_made_maps_gallery_is_reached(app: RunningApp, pag
         return min((node for node in offered if away[node] > NOT_HERE_M), key=away.__getitem__)
 
     goal = click_goal_image(app, page, near_but_not_here)
-    until(lambda: app.session.mode is Mode.NAVIGATING)
+    until(lambda: app.session.state.activity.mode is Mode.NAVIGATING)
     assert_the_robot_goes_to(app, goal)
 
 
@@ -82,5 +82,5 @@ def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> 
     shown = ((row, on_screen(page, *places[row])) for row in np.argsort(-alone))
     row, point = next((row, point) for row, point in shown if is_bare_map(page, point))
     page.mouse.click(*point)
-    until(lambda: app.session.mode is Mode.NAVIGATING)
+    until(lambda: app.session.state.activity.mode is Mode.NAVIGATING)
     assert_the_robot_goes_to(app, nodes[row])

@@ -25,6 +25,7 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.types import CONTROL_STEP_S, FrameId, NodeId, Observation, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
+from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning import FineTuning
@@ -136,17 +137,13 @@ class FakeWriter:
         self.closed = True
 
 
-@dataclass
-class FakeDriver:
+class FakeDriver(DriverSeat):
     """Holds what the test says."""
 
     twist: Twist | None = None
 
-    def current_twist(self) -> Twist | None:
+    def current_twist(self, now: float | None = None) -> Twist | None:
         return self.twist
-
-    def keep(self, *, kept: bool) -> None:
-        """There is no seat."""
 
 
 class SessionHarness:

@@ -40,14 +40,14 @@ def start_query(app: FlatApp, page: PageSockets) -> None:
     farthest = app.harness.far_node
 
     def ask_again_when_paused() -> None:
-        if app.session.mode is Mode.PAUSED:
+        if app.session.state.activity.mode is Mode.PAUSED:
             page.ask(Action.CANCEL)
-            until(lambda: app.session.mode is Mode.TELEOP)
+            until(lambda: app.session.state.activity.mode is Mode.TELEOP)
             page.ask(Action.GOAL, farthest)
         time.sleep(0.02)
 
     page.ask(Action.GOAL, farthest)
-    until(lambda: app.session.mode is Mode.NAVIGATING, meanwhile=ask_again_when_paused)
+    until(lambda: app.session.state.activity.mode is Mode.NAVIGATING, meanwhile=ask_again_when_paused)
 
 
 @pytest.mark.parametrize("how", ["closed", "silent"])
@@ -62,7 +62,7 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
             silent.set()
             if how == "closed":
                 page.drive.socket.close()
-            until(lambda: app.session.mode is Mode.PAUSED, meanwhile=lambda: time.sleep(0.001))
+            until(lambda: app.session.state.activity.mode is Mode.PAUSED, meanwhile=lambda: time.sleep(0.001))
             took = min(took, time.monotonic() - begun)
         with open_sockets(app.server) as page:
             until_shown(app, lambda now: "the last page" in now.pause_notice)
@@ -120,7 +120,7 @@ def state_of(app: FlatApp) -> list[object]:
     state, gui = app.harness.state, app.server.gui
     elements = list(gui._gui_input_handle_from_uuid.values())
     return [
-        app.session.mode,
+        app.session.state.activity.mode,
         state.goals.selected,
         state.queries,
         state.keeps_going,

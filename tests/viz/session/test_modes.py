@@ -17,7 +17,7 @@ FORWARD = Twist(0.4, 0.0)
 
 def test_a_node_is_reached_and_the_verdict_is_shown(harness: SessionHarness) -> None:
     harness.do(c.Ask(c.Action.GOAL, harness.far_node))
-    assert harness.session.mode is Mode.NAVIGATING
+    assert harness.session.state.activity.mode is Mode.NAVIGATING
     shown = harness.until(lambda now: now.mode is Mode.TELEOP)
     assert shown.moment.progress.ended is not None
     assert shown.moment.progress.ended.outcome is Outcome.ARRIVED
@@ -145,7 +145,7 @@ def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
         assert "went wrong" not in said(shown)
     harness.driver.twist = None
     harness.do(c.Ask(c.Action.STOP), c.Ask(c.Action.CLOSE), ticks=5)
-    assert harness.session.mode is Mode.TELEOP
+    assert harness.session.state.activity.mode is Mode.TELEOP
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_a_flood_of_commands_is_bounded(harness: SessionHarness, caplog: pytest.
         harness.session.send(c.Ask(c.Action.STOP))
     assert "too many commands" in caplog.text
     harness.wait()
-    assert harness.session.mode is Mode.TELEOP
+    assert harness.session.state.activity.mode is Mode.TELEOP
 
 
 def test_a_picture_that_is_like_no_node_is_told_of_and_only_suggested(harness: SessionHarness) -> None:
@@ -166,7 +166,7 @@ def test_a_picture_that_is_like_no_node_is_told_of_and_only_suggested(harness: S
     assert shown.selected is None
     assert shown.upload is not None
     harness.do(c.Ask(c.Action.SELECT, shown.upload.places[0].node), ticks=1)
-    assert harness.session.mode is Mode.NAVIGATING
+    assert harness.session.state.activity.mode is Mode.NAVIGATING
 
 
 def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: SessionHarness) -> None:

@@ -38,7 +38,7 @@ def recorded(tmp_path: Path) -> Recorded:
     harness.do(c.Ask(c.Action.KEEP))
     harness.until(lambda now: bool(now.recordings))
     harness.do(c.OpenRecording(name), ticks=2)
-    assert harness.session.mode is Mode.REPLAY
+    assert harness.session.state.activity.mode is Mode.REPLAY
     return Recorded(harness, live)
 
 
@@ -111,5 +111,5 @@ def test_the_robot_stands_during_a_replay_and_drives_by_its_map_after_it(recorde
     np.testing.assert_array_equal(harness.robot.pose, where)
     shown = harness.do(c.Ask(c.Action.CLOSE), ticks=30)
     assert len(shown.moment.graph.ids) >= len(live[-1].moment.graph.ids)
-    assert harness.session.mode is Mode.TELEOP
+    assert harness.session.state.activity.mode is Mode.TELEOP
     assert not np.array_equal(harness.robot.pose, where)

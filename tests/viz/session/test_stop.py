@@ -100,7 +100,7 @@ def test_an_answer_about_an_action_does_not_move_the_robot_in_a_later_query(tmp_
     harness.do(c.Ask(c.Action.GOAL, nearest(harness, 5.0, 3.0)))
     harness.until(lambda _: harness.state.actions.state() is ActionState.PENDING)
     harness.do(c.Ask(c.Action.END_ACTION, 1), c.Ask(c.Action.STOP), ticks=3)
-    assert harness.session.mode is Mode.TELEOP
+    assert harness.session.state.activity.mode is Mode.TELEOP
     harness.do(c.Ask(c.Action.GOAL, nearest(harness, 1.0, 1.0)))
     carried: list[int] = []
     harness.state.actions.settle(carried.append)
@@ -140,10 +140,10 @@ def test_the_story_is_over_and_leaves_the_door_open_and_begins_anew(
     assert story is not None
     assert not story.is_over
     if is_driving:
-        demo.until(lambda _: demo.session.mode is Mode.NAVIGATING)
+        demo.until(lambda _: demo.session.state.activity.mode is Mode.NAVIGATING)
     else:
         demo.until(lambda _: story.captions)
-        assert demo.session.mode is Mode.TELEOP
+        assert demo.session.state.activity.mode is Mode.TELEOP
     demo.do(way)
     assert story.is_over
     demo.until(lambda _: state.live_map.system is system)
@@ -151,7 +151,7 @@ def test_the_story_is_over_and_leaves_the_door_open_and_begins_anew(
     for _ in range(TICKS):
         demo.do()
     np.testing.assert_allclose(state.live.robot.drawn_pose, where, atol=1e-3)
-    assert (demo.session.mode, state.queries) == (Mode.TELEOP, queries)
+    assert (demo.session.state.activity.mode, state.queries) == (Mode.TELEOP, queries)
     assert state.world is not None
     assert all(door.is_open for door in state.world.view.doors)
     assert WRONG_EDGE not in state.live_map.graph.edges
@@ -163,4 +163,4 @@ def stays(harness: SessionHarness) -> None:
     where = harness.robot.pose.copy()
     harness.wait(TICKS)
     np.testing.assert_array_equal(harness.robot.pose, where)
-    assert harness.session.mode is Mode.TELEOP
+    assert harness.session.state.activity.mode is Mode.TELEOP

@@ -194,7 +194,7 @@ def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
     message = apartment.now.message
     assert (message is not None and "stays" in message.text) == bool(away_m)
     apartment.do(c.Ask(c.Action.CANCEL))
-    until(lambda: apartment.session.mode is Mode.TELEOP, meanwhile=apartment.session.tick)
+    until(lambda: apartment.session.state.activity.mode is Mode.TELEOP, meanwhile=apartment.session.tick)
     apartment.do(c.EditMap(tuple(NodeDropped(node, Cause.HAND) for node in nodes)))
 
 

@@ -198,8 +198,8 @@ def the_recording(path: Path, stores: Mapping[bytes, _Store], wanted: str | None
     ours = {recording_id(key): found[key] for key in found if key.endswith(schema.APPLICATION_ID.encode())}
     if not found:
         raise RecordingError(
-            f"{path} has no undamaged message of a recording (a blueprint only?); nothing can be recovered. Name a "
-            ".rrd file written by ltvn."
+            f"{path} has no undamaged message of a recording: it is empty, damaged or only a layout of the viewer, and "
+            "nothing can be recovered. Name a .rrd file written by ltvn."
         )
     if not ours:
         raise RecordingError(f"{path} was written by another program; name a file written by ltvn.")
@@ -237,7 +237,8 @@ def _read_rows(messages: FileMessages) -> StoreRows:
                 raise ValueError(f"rows of {chunk.entity} belong to no recording")
             stores[chunk.store].append(chunk.entity, chunk.batch)
     except UNREADABLE as error:
-        raise _damaged_inside(path, str(error)) from error
+        why = "a message lacks a part" if isinstance(error, LookupError) else str(error).rstrip(".")
+        raise _damaged_inside(path, why) from error
     name, rows = the_recording(path, stores)
     return StoreRows(name, rows.take())
 

@@ -79,17 +79,15 @@ def test_a_wrong_length_in_an_older_recording_is_noticed_and_costs_nothing(damag
     assert repair(damaged, repaired).frames == 10
 
 
-def test_rows_that_went_over_to_another_recording_are_missed_in_an_older_one(damaged: Path) -> None:
+def test_an_older_recording_has_fewer_checksums_but_rows_of_another_recording_are_told(damaged: Path) -> None:
+    assert not verify(GOLDEN_RECORDING).checksummed
     data = GOLDEN_RECORDING.read_bytes()
     begin, _ = list(messages(data))[-1]
-    assert data[begin + 24 : begin + 26].isascii()  # In the middle of the recording's id.
-    damaged.write_bytes(flipped(data, begin + 24, 0))
-    with pytest.raises(RecordingError, match="belong to no recording"):
-        verify(damaged)
-
-
-def test_an_older_recording_is_said_to_have_fewer_checksums() -> None:
-    assert not verify(GOLDEN_RECORDING).checksummed
+    assert data[begin + 24 : begin + 26].isascii()  # In the middle of the recording's id; the field's number is at 16.
+    for place, bit, told in ((24, 0, "belong to no recording"), (16, 5, "lacks a part")):
+        damaged.write_bytes(flipped(data, begin + place, bit))
+        with pytest.raises(RecordingError, match=told):
+            verify(damaged)
 
 
 def test_what_is_left_out_is_named(whole: Path, damaged: Path, repaired: Path) -> None:

@@ -96,10 +96,10 @@ class Job(Generic[T]):
             self.result = run(self._report)
         except JobCancelled:
             return Phase.CANCELLED
-        except Exception as error:
+        except BaseException as error:  # A panic of a library in Rust, or a plug-in that exits, must not end the app.
             if not isinstance(error, LtvnError):
                 logger.exception("%s failed", self.label)
-            self.error = error
+            self.error = error if isinstance(error, Exception) else RuntimeError(repr(error))
             return Phase.FAILED
         return Phase.DONE
 

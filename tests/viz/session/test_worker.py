@@ -1,5 +1,6 @@
 """Long jobs: they hold up nothing, they keep their order, and one that fails is told once."""
 
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -7,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.errors import MapError
 from ltvn_core.types import ZERO_TWIST, Pose, Twist
 from ltvn_viz.session.camera_feed import LargerFeed
+from ltvn_viz.session.job import Job, Phase
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.modes import Mode
@@ -70,16 +71,20 @@ def test_results_are_dealt_with_in_the_order_of_the_jobs(executor: ThreadPoolExe
 
 def test_a_failing_job_is_told_once_and_the_next_goes_on() -> None:
     worker, dealt = Worker(InlineExecutor()), []
-
-    def fail() -> None:
-        raise MapError("no map")
-
-    worker.submit(fail, dealt.append)
+    worker.submit(lambda: 1 / 0, dealt.append)
     worker.submit(lambda: "fine", dealt.append)
-    with pytest.raises(MapError):
+    with pytest.raises(ZeroDivisionError):
         worker.collect()
     worker.collect()
     assert dealt == ["fine"]
+
+
+def test_a_job_whose_plug_in_exits_has_failed_and_can_begin_again() -> None:
+    job = Job[None](Worker(InlineExecutor()))
+    for _ in range(2):
+        job.begin("Making", lambda _: sys.exit(2), lambda: None)
+        job.collect()
+        assert job.phase is Phase.FAILED
 
 
 def test_building_can_be_cancelled_and_keeps_the_old_map(tmp_path: Path, executor: ThreadPoolExecutor) -> None:

@@ -141,7 +141,7 @@ class FineTuning:
                 "Only the network can be trained, but another predictor is in use. Open the app with --predictor "
                 "network."
             )
-        if self._status.phase is FineTuningPhase.LEARNING:
+        if self._job.phase is Phase.RUNNING:
             raise OptionError("The network is learning already; wait for it, or stop learning first.")
 
     def cancel(self) -> None:

@@ -192,7 +192,7 @@ def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: Th
 def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
-    now = harness.do(c.Ask(c.Action.LEARN, 3), c.Ask(c.Action.LEARN, 3))
+    now = harness.do(c.Ask(c.Action.LEARN, 3), c.Ask(c.Action.LEAVE_WEIGHTS), c.Ask(c.Action.LEARN, 3))
     assert "learning already" in said(now)
     gate.open.set()
     harness.session.close()

@@ -75,7 +75,7 @@ class MapFinding(NamedTuple):
 def map_findings(
     graph: TopologicalGraph, steps: Sequence[FrameId], poses: Pose, current: Matches | None = None
 ) -> tuple[MapFinding, ...]:
-    """Return what is weak in a map, the most important first; the first finding says where to drive next.
+    """Return what is weak in a map, the most important first; the first one with a target says where to drive next.
 
     Weaknesses that make goals unreachable come before those that only add detail, near ones before far ones, and facts
     without a remedy last. `steps` (T,), ascending, and odometry `poses` (T, 3) are the drive so far, up to the present
@@ -93,8 +93,9 @@ def map_findings(
         *one_sided_places(poses),
         *contradicted_edges(graph),
     ]
-    if not any(each.finding.remedy for each in found):
-        found.append(_rim(poses))
+    if not any(each.target for each in found):
+        is_well = not any(each.finding.remedy for each in found)
+        found.append(_rim(poses, "All is well here." if is_well else "All else is well here."))
     return tuple(sorted(found, key=lambda each: not each.finding.remedy))
 
 
@@ -305,12 +306,12 @@ def _odometry(graph: TopologicalGraph, nodes: Sequence[NodeId]) -> Pose:
     return np.array([graph.nodes[node].odometry for node in nodes], np.float64).reshape(-1, 3)
 
 
-def _rim(poses: Pose) -> MapFinding:
-    """Return the way to the edge of the driven area, where something new is most likely."""
+def _rim(poses: Pose, text: str) -> MapFinding:
+    """Return `text` and the way to the edge of the driven area, where something new is most likely."""
     middle = poses[:, :2].mean(axis=0)
     rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
     target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
-    return _found("All is well here.", f"Drive beyond what you have seen, {_way(poses[-1], target)}.", target)
+    return _found(text, f"Drive beyond what you have seen, {_way(poses[-1], target)}.", target)
 
 
 def _apart(here: Pose, place: PoseRow) -> float:

@@ -86,9 +86,9 @@ def _overlay(context: DebugContext, found: Sequence[MapFinding], seen: Observati
     strokes = context.strokes((edge for each in found for edge, _ in each.pairs), palette.EDGE_REMOVED)
     apart = [node for each in found for node in each.nodes][:_COLOURED]
     ghosts = ()
-    if found[0].target is not None:
+    if (goal := next((each.target for each in found if each.target), None)) is not None:
         # Advice is in the odometry frame, which drifts away from the frame of the drawing.
         here = seen.odometry if seen.exact_pose is None else seen.exact_pose
-        target = compose(here, relative(seen.odometry, np.array(found[0].target)))
+        target = compose(here, relative(seen.odometry, np.array(goal)))
         ghosts = ((float(target[0]), float(target[1]), float(target[2])),)
     return Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)

@@ -112,12 +112,15 @@ def test_an_image_is_as_new_as_the_network_says() -> None:
     assert "95% new" in new[0].finding.text
 
 
-def test_where_nothing_is_left_to_mend_the_rim_is_next() -> None:
+def test_where_no_drive_mends_anything_the_rim_is_next() -> None:
     poses = np.array([[0.2 * k, 0.5, np.pi * (k % 2)] for k in range(20)])
-    advice = coached(chain(poses), poses)[0]
-    assert "beyond what you have seen, right where you are" in str(advice.finding)
-    assert advice.target is not None
-    assert advice.target.x_m in (0.0, pytest.approx(3.8))
+    contradicted = chain(poses)
+    contradicted.apply(EdgeAdded(Edge(0, 2, PoseRow(6, 0, 0), Belief(0.9, 6, 0.02)), Cause.ONLINE))
+    for graph, place in ((chain(poses), 0), (contradicted, 1)):
+        advice = coached(graph, poses)[place]
+        assert "beyond what you have seen, right where you are" in str(advice.finding)
+        assert advice.target is not None
+        assert advice.target.x_m in (0.0, pytest.approx(3.8))
 
 
 def test_before_anything_was_driven_the_hint_is_to_drive() -> None:

@@ -1,7 +1,7 @@
 """The session loop: runs commands, advances the robot's time, and publishes the result.
 
 Owns the pace, and the handling of errors. A single thread runs `run`; every other thread may only `send`, `wake` and
-`stop`. Activities are in `ltvn_viz.session.activities`, the meaning of commands in `command_handlers`.
+`stop`. Activities are in `ltvn_viz.session.activities`; `command_handlers` finds the function of each command.
 """
 
 import logging

@@ -237,7 +237,8 @@ def _read_rows(messages: FileMessages) -> StoreRows:
                 raise ValueError(f"rows of {chunk.entity} belong to no recording")
             stores[chunk.store].append(chunk.entity, chunk.batch)
     except UNREADABLE as error:
-        why = "a message lacks a part" if isinstance(error, LookupError) else str(error).rstrip(".")
+        lacks = isinstance(error, LookupError | UnicodeError)
+        why = "a message lacks a part, or a name in it is no text" if lacks else str(error).rstrip(".")
         raise _damaged_inside(path, why) from error
     name, rows = the_recording(path, stores)
     return StoreRows(name, rows.take())

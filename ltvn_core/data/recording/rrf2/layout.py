@@ -118,7 +118,7 @@ def read_chunk(payload: bytes) -> ChunkMessage:
     batch = _read_batch(table, size, is_packed=fields.get(_CHUNK_COMPRESSION) == _LZ4)
     if not isinstance(store, bytes):
         raise TypeError("its layout is unknown")
-    recording_id(store)
+    _ = recording_id(store), batch.schema.names  # Whoever reads them later expects texts.
     entity = (batch.schema.metadata or {})[_ENTITY].decode()
     if store.startswith(RECORDING_STORE) and schema.is_of_user(entity):
         _require_texts(batch.schema)

@@ -83,8 +83,8 @@ def test_an_older_recording_has_fewer_checksums_but_rows_of_another_recording_ar
     assert not verify(GOLDEN_RECORDING).checksummed
     data = GOLDEN_RECORDING.read_bytes()
     begin, _ = list(messages(data))[-1]
-    assert data[begin + 24 : begin + 26].isascii()  # In the middle of the recording's id; the field's number is at 16.
-    for place, bit, told in ((24, 0, "belong to no recording"), (16, 5, "lacks a part")):
+    name = data.index(b"step", begin) - begin  # The number of a field is at 16, the recording's id around 24.
+    for place, bit, told in ((24, 0, "belong to no recording"), (16, 5, "lacks a part"), (name, 7, "is no text")):
         damaged.write_bytes(flipped(data, begin + place, bit))
         with pytest.raises(RecordingError, match=told):
             verify(damaged)

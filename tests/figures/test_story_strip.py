@@ -12,9 +12,8 @@ from ltvn_core.data.recording.map_file import LoadedMap, load_map
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import relative
-from ltvn_core.graph.deltas import Belief, Cause, EdgeAdded, PresenceObserved
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, PresenceObserved
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topological_graph import Edge
 from ltvn_core.navigation.events import (
     ChangedBy,
     Event,

@@ -195,7 +195,8 @@ def require_steps(path: Path, without_steps: Set[str]) -> None:
 def the_recording(path: Path, stores: Mapping[bytes, _Store], wanted: str | None = None) -> tuple[str, _Store]:
     """Return id and store of this program's only recording in a file, or of the `wanted` one. Raises RecordingError."""
     found = {key: store for key, store in stores.items() if key.startswith(RECORDING_STORE)}
-    ours = {recording_id(key): found[key] for key in found if key.endswith(schema.APPLICATION_ID.encode())}
+    program = schema.APPLICATION_ID.encode()  # The key ends with its length and itself.
+    ours = {recording_id(key): found[key] for key in found if key.endswith(bytes([len(program)]) + program)}
     if not found:
         raise RecordingError(
             f"{path} has no undamaged message of a recording: it is empty, damaged or only a layout of the viewer, and "

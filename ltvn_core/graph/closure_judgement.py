@@ -82,12 +82,17 @@ class ClosureJudgement:
 
     def _others(self, best: OptimisedPoses, tried: set[bytes]) -> Iterator[OptimisedPoses]:
         """Yield courses that take a rejected group for true, then those that do without an accepted one, each once."""
-        for group in self._groups(~best.kept, _REJECTED_M):
-            if _is_new(b"with", group, tried):
-                yield optimise(self.poses, self.odometry, self.closures, sure=group)
-        for group in self._groups(best.kept, _ACCEPTED_M):
-            if _is_new(b"without", group, tried):
-                yield self._optimised(self.poses, ~group)
+        for rejected in (True, False):
+            among, reach_m = (~best.kept, _REJECTED_M) if rejected else (best.kept, _ACCEPTED_M)
+            for group in self._groups(among, reach_m):
+                key = bytes([rejected]) + group.tobytes()
+                if key in tried:
+                    continue
+                tried.add(key)
+                if rejected:
+                    yield optimise(self.poses, self.odometry, self.closures, sure=group)
+                else:
+                    yield self._optimised(self.poses, ~group)
 
     def _judged(self, course: OptimisedPoses) -> "JudgedCourse":
         return JudgedCourse(course, self.overlay.contradicted(course.poses))
@@ -127,10 +132,3 @@ class JudgedCourse(NamedTuple):
     def is_trusted(self) -> bool:
         """Whether the closures of this course may count."""
         return self.contradicted <= _TOO_MANY
-
-
-def _is_new(how: bytes, group: NDArray[np.bool_], tried: set[bytes]) -> bool:
-    key = how + group.tobytes()
-    fresh = key not in tried
-    tried.add(key)
-    return fresh

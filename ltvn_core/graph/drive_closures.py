@@ -210,11 +210,15 @@ class ClosureSearch:
             again = self._found(drive, range(len(drive.rows)), gate)
             found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
             surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.course.poses)
-        return (
-            drive.corrected(found, surest.course)
-            if surest.is_trusted
-            else ClosedDrives(drive.stretch, (), tuple(found))
+        if surest.is_trusted:
+            return drive.corrected(found, surest.course)
+        log.warning(
+            "Places look alike: with the %d loop closures found, %.0f%% of the obstacles seen again lie on floor that "
+            "was seen free. None is used; the map rests on odometry. Drive there once more, in another order.",
+            len(found),
+            100 * surest.contradicted,
         )
+        return ClosedDrives(drive.stretch, rejected=tuple(found))
 
     def _found(self, drive: "_KeyImages", batch: range, gate: OdometryGate) -> list[DriveLink]:
         """Return the loop closures from some key images to those that were taken well before them."""

@@ -29,7 +29,10 @@ class PassOverlay:
     def __init__(
         self, images: Sequence[Observation], driven_m: NDArray[np.float64], camera: CameraModel, height_m: float
     ) -> None:
-        """Read the depth of images, taken after (S,) metres of driving, for a robot of `height_m`."""
+        """Read the depth of images, taken after (S,) metres of driving, for a robot of `height_m`.
+
+        Within a pass, where odometry is right, only noise of depth and moving things contradict: that much is usual.
+        """
         scans = [DepthScan.from_image(seen, camera, np.zeros(3), height_m=height_m) for seen in images]
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
@@ -38,18 +41,24 @@ class PassOverlay:
         self._points = np.concatenate(points)
         self._scan_of = np.repeat(np.arange(len(scans)), [len(each) for each in points])
         self._driven_m = driven_m
+        self._usual = self._share(np.array([seen.odometry for seen in images]), within_pass=True)
 
     def contradicted(self, poses: Pose) -> float:
-        """Return the share of the obstacles met again by another pass that this pass saw as free floor, if the images
-        were taken at poses (S, 3); 0 where no pass met another."""
+        """Return by how much the share of contradictions between passes exceeds that within a pass, if the images were
+        taken at poses (S, 3); 0 where no pass met another."""
+        return max(0.0, self._share(poses, within_pass=False) - self._usual)
+
+    def _share(self, poses: Pose, *, within_pass: bool) -> float:
+        """Return the share of the obstacles met again that the later or earlier image saw as free floor."""
         points, scan_of = self._thinned(poses)
         if not len(points):
             return 0.0
         near = KDTree(points).query_ball_point(poses[:, :2], RANGE_M - _TOLERANCE_M)
         scan = np.repeat(np.arange(len(poses)), [len(each) for each in near])
         point = np.concatenate(near).astype(np.intp)
-        other = np.abs(self._driven_m[scan] - self._driven_m[scan_of[point]]) > _ANOTHER_PASS_M
-        scan, point = scan[other], point[other]
+        is_within = np.abs(self._driven_m[scan] - self._driven_m[scan_of[point]]) <= _ANOTHER_PASS_M
+        checked = (is_within == within_pass) & (scan != scan_of[point])
+        scan, point = scan[checked], point[checked]
         ahead = points[point] - poses[scan, :2]
         away_m = np.hypot(*ahead.T)
         bearing = wrap_angle(np.arctan2(ahead[:, 1], ahead[:, 0]) - poses[scan, 2])

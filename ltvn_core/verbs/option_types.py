@@ -24,9 +24,7 @@ else:
 
 DeviceOption: TypeAlias = Annotated[
     Literal["auto", "cpu", "cuda", "mps"],
-    tyro.conf.arg(
-        help="Where the network computes; auto takes a graphics card (cuda, or mps on a Mac) if PyTorch finds one."
-    ),
+    tyro.conf.arg(help="Where the network computes; auto takes a card with CUDA if PyTorch finds one, else the CPU."),
 ]
 """A verb gives it the default "auto"."""
 

@@ -12,7 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from ltvn_core.graph.map_contradictions import PassOverlay
 from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, optimise
@@ -20,7 +22,7 @@ from ltvn_core.types import Pose
 
 _FEW = 0.01
 """Share of contradictions up to which a course is not doubted: things move, and depth and course err a little."""
-_TOO_MANY = 0.05
+_TOO_MANY = 0.04
 """Share of contradictions above which even the best course proves nothing."""
 _BETTER = 0.9
 """Share of the contradictions of a course that a better one may make at most."""
@@ -29,7 +31,8 @@ _TRUST = (0.5, 0.35, 0.25, 0.18, 0.125)
 _ACCEPTED_M, _REJECTED_M = 6.0, 3.0
 """Distance along the drive, at both ends, within which accepted or rejected closures are one group, in metres."""
 _GROUPS = 8
-"""Largest number of groups of each kind that are tried, the largest first."""
+"""Largest number of groups of each kind that are tried around one course, the largest first."""
+_MOST_TRIED = 48
 _NEAR = 12.0
 """Error in standard deviations up to which a course may still come to agree with a closure."""
 _MOVES_M = 0.3
@@ -86,7 +89,7 @@ class ClosureJudgement:
             among, reach_m = (~best.kept, _REJECTED_M) if rejected else (best.kept, _ACCEPTED_M)
             for group in self._groups(among, reach_m):
                 key = bytes([rejected]) + group.tobytes()
-                if key in tried:
+                if key in tried or len(tried) >= _MOST_TRIED:
                     continue
                 tried.add(key)
                 if rejected:
@@ -111,14 +114,14 @@ class ClosureJudgement:
     def _groups(self, closures: NDArray[np.bool_], reach_m: float) -> Iterator[NDArray[np.bool_]]:
         """Yield masks (C,) of the largest groups of some closures (C,): those between the same two stretches."""
         rows = np.flatnonzero(closures)
+        if not len(rows):
+            return
         ends = self.driven_m[np.stack([self.closures.first[rows], self.closures.second[rows]], axis=-1)]
-        near = (np.abs(ends[:, None] - ends) < reach_m).all(axis=-1)
-        _, group_of = connected_components(near)
-        sizes = np.bincount(group_of)
-        for number in np.argsort(-sizes, kind="stable")[:_GROUPS]:
-            mask = np.zeros(len(closures), np.bool_)
-            mask[rows[group_of == number]] = True
-            yield mask
+        first, second = KDTree(ends).query_pairs(reach_m, p=np.inf, output_type="ndarray").T
+        near = coo_array((np.ones(len(first)), (first, second)), shape=(len(rows), len(rows)))
+        _, group_of = connected_components(near, directed=False)
+        for number in np.argsort(-np.bincount(group_of), kind="stable")[:_GROUPS]:
+            yield np.isin(np.arange(len(closures)), rows[group_of == number])
 
 
 class JudgedCourse(NamedTuple):

@@ -194,11 +194,8 @@ class ClosureSearch:
         return self._judged(drive, found) if found else closed
 
     def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink]) -> ClosedDrives:
-        """Return the course that the depth images contradict least; odometry as it came if they contradict that one,
-        too.
-
-        If it is not the course that fits most closures, the search followed a false one, and is made once more.
-        """
+        """Return the course that the depth images contradict least; odometry as it came if even that one is wrong. If
+        it does not fit most closures, the search followed a false course, and is made once more."""
         camera = self.matcher.camera
         height_m = self.matcher.keyframes.needed_space(camera).height_m
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)

@@ -69,9 +69,13 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def hands(app: RunningApp, page: Page) -> PlanHands:
-    """A page that shows the whole floor and asks nothing."""
-    app.session.send(c.Ask(c.Action.QUESTION, QuestionName.FIRST))
-    until(lambda: not app.session.state.debugger.is_on)
+    """A page that shows the whole floor and asks nothing; the last tap of the test before may still be on its way."""
+
+    def asks_nothing() -> bool:
+        app.session.send(c.Ask(c.Action.QUESTION, QuestionName.FIRST))
+        return not app.session.state.debugger.is_on
+
+    until(asks_nothing)
     hands = PlanHands(app, page)
     hands.show_whole()
     return hands

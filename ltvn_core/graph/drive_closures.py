@@ -182,24 +182,24 @@ class ClosureSearch:
         drive = _KeyImages.of(stretch)
         closed = ClosedDrives(stretch)
         gate = OdometryGate(stretch, self.config)
-        found = list[DriveLink]()
+        found, course = list[DriveLink](), None
         for first in range(0, len(drive.rows), _BATCH):
             batch = range(first, min(first + _BATCH, len(drive.rows)))
             fresh = self._found(drive, batch, gate)
             self.progress((done + int(drive.rows[batch[-1]]) + 1) / len(self.observations))
             if fresh:
                 found += fresh
-                closed = drive.corrected(found, drive.course(found))
+                course = drive.course(found)
+                closed = drive.corrected(found, course)
                 gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
-        return self._judged(drive, found) if found else closed
+        return closed if course is None else self._judged(drive, found, course)
 
-    def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink]) -> ClosedDrives:
+    def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink], course: OptimisedPoses) -> ClosedDrives:
         """Return the course that the depth images contradict least; odometry as it came if even that one is wrong. If
         it does not fit most closures, the search followed a false course, and is made once more."""
         camera = self.matcher.camera
         height_m = self.matcher.keyframes.needed_space(camera).height_m
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
-        course = drive.course(found)
         surest = drive.judgement(found, overlay).surest(course)
         if surest.course is not course:
             closed = drive.corrected(found, surest.course)

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_scan import RANGE_M, DepthScan, reach_past
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.geometry import compose, wrap_angle
 from ltvn_core.types import Observation, Pose
 
 _TOLERANCE_M = 0.5
@@ -75,10 +75,7 @@ class PassOverlay:
 
     def _thinned(self, poses: Pose) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Return obstacles (P, 2) on the map, one of each square and pass, and the rows (P,) of their scans."""
-        at = poses[self._scan_of]
-        cos, sin = np.cos(at[:, 2]), np.sin(at[:, 2])
-        x, y = self._points.T
-        points = at[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        points = compose(poses[self._scan_of], np.pad(self._points, ((0, 0), (0, 1))))[:, :2]
         passes = self._driven_m[self._scan_of] // _ANOTHER_PASS_M
         cells = np.column_stack([np.round(points / _CELL_M), passes]).astype(np.intp)
         rows = np.unique(cells, axis=0, return_index=True)[1]

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.cameras.depth_points import cell_keys, obstacle_points, transform_points
+from ltvn_core.cameras.depth_points import obstacle_points, transform_points
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import agree, compose, distance, invert, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, PresenceObserved
+from ltvn_core.graph.free_floor import thinned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
@@ -285,7 +286,7 @@ class _Contradictions:
 
     def _blocked(self, seen: Observation, place: _Place, first: int) -> list[EdgeKey]:
         camera = self.predictor.camera
-        solid = _thinned(transform_points(self._obstacles(seen, camera, _RANGE_M), place.pose))
+        solid = thinned(transform_points(self._obstacles(seen, camera, _RANGE_M), place.pose), _GRID_M)
         mapped = self._mapped(place, first, camera)
         if len(solid) < _LEAST_POINTS or not len(mapped):
             return []
@@ -305,7 +306,7 @@ class _Contradictions:
             for node in nearest
             for image, pose in self._around(node)
         ]
-        return _thinned(np.concatenate(points)) if points else np.empty((0, 2))
+        return thinned(np.concatenate(points), _GRID_M) if points else np.empty((0, 2))
 
     def _solid(self, image: Observation, camera: CameraModel) -> NDArray[np.float64]:
         """Return the solid points (M, 2) of an image of an earlier drive, which many images of later ones ask for."""
@@ -377,8 +378,3 @@ def _spread(observations: Sequence[Observation]) -> list[Observation]:
         if not kept or distance(relative(kept[-1].odometry, seen.odometry)) >= _ASK_EVERY:
             kept.append(seen)
     return kept
-
-
-def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    _, kept = np.unique(cell_keys(np.round(points / _GRID_M).astype(np.int64)), return_index=True)
-    return points[kept]

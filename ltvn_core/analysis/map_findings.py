@@ -248,11 +248,11 @@ def contradicted_edges(graph: TopologicalGraph) -> tuple[MapFinding, ...]:
     claimed = np.array([edge.waypoint for edge in edges.values()], np.float64)
     gaps_m = np.hypot(*(driven - claimed)[:, :2].T)
     limit_m = max(_LEAST_GAP_M, _TIMES_USUAL * float(np.quantile(gaps_m, _USUAL_QUANTILE)))
-    found = []
+    found, keys = [], [*edges]
     for row in np.argsort(-gaps_m, kind="stable"):
         if gaps_m[row] <= limit_m:
             break
-        (source, target), apart_m = list(edges)[row], float(np.hypot(*driven[row, :2]))
+        (source, target), apart_m = keys[row], float(np.hypot(*driven[row, :2]))
         claimed_m = np.hypot(*claimed[row, :2])
         text = f"An edge is {claimed_m:.2f} m long, but by odometry its ends are {apart_m:.2f} m apart."
         remedy = "They may be two places that look alike: if so, cut it."

@@ -43,8 +43,6 @@ _SECOND_PASS_EDGES = 2
 """Maximum number of edges of such an image, the most reachable ones first."""
 _NEAR_IN_TIME = 12
 _ENCODED_AT_ONCE = 64
-_AHEAD = 512
-"""Number of images among which the next one to be tried is searched at once."""
 
 
 def build(
@@ -248,32 +246,21 @@ class _BuildRun:
             self._pass(stage, rng, progress)
 
     def _pass(self, stage: _Stage, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
+        """Try each left-over image for which something changed, in random order; all others would fail as before.
+
+        Images that enter the map wake others behind them.
+        """
         total = len(self._images)
         order = self._goals_first(self._shuffled(rng))
         is_left = np.ones(len(order), bool)
         consumed = total - len(order)
-        for place in self._waiting_places(order, stage):
-            if self._consumed(int(order[place]), stage):
-                is_left[place] = False
-                consumed += 1
-            progress(consumed / total)
+        for place, row in enumerate(order.tolist()):
+            if self._waiting[:stage, row].any():
+                if self._consumed(row, stage):
+                    is_left[place] = False
+                    consumed += 1
+                progress(consumed / total)
         self._left = order[is_left]
-
-    def _waiting_places(self, order: NDArray[np.intp], stage: _Stage) -> Iterator[int]:
-        """Yield the place in an order of each image for which something changed, when its turn comes.
-
-        All other images would fail as they failed before. Images that enter the map wake others behind them.
-        """
-        waiting = self._waiting[:stage]
-        place = 0
-        while place < len(order):
-            ahead = np.logical_or.reduce(waiting[:, order[place : place + _AHEAD]], axis=0)
-            step = int(ahead.argmax())
-            if ahead[step]:
-                yield place + step
-                place += step + 1
-            else:
-                place += len(ahead)
 
     def _consumed(self, row: int, stage: _Stage) -> bool:
         """Merge, connect or bridge an image; tell whether one of these succeeded."""

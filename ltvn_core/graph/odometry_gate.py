@@ -9,7 +9,7 @@ odometry of the other (`maps.joined_drives`). A drive whose odometry never moves
 from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,6 @@ _ROUNDING = 1e-3
 """Differences between the two directions of a pair, in metres: paths between closures have single precision."""
 _OTHER_LINK = 3.0
 """Factor of the allowance within which two links agree on a pose: each may be wrong by the allowance."""
-_RUN_LENGTHS = (1024, 32)
-"""Numbers of consecutive images that are excluded together where they are too far away: first long runs, then short
-ones within the others."""
 _MOST_ROWS_REMEMBERED, _MOST_BYTES_REMEMBERED = 2**25, 2**28
 """Number of near images that a gate remembers, and memory for the ways between its closures. Beyond it they are
 computed again, because a gate in which too little is certain would need memory for all pairs."""
@@ -90,8 +87,6 @@ class OdometryGate:
             self._moves[own] = bool(np.ptp(self._poses[own], axis=0).any())
         breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
-        steps = zip(_RUN_LENGTHS, (*_RUN_LENGTHS[1:], 1), strict=True)
-        self._runs = [_Runs.of(self._poses, self._path_m, self._segment, *each) for each in steps]
         self._near: dict[int, NDArray[np.int32]] = {}
         self._remembered = 0
         self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
@@ -114,34 +109,21 @@ class OdometryGate:
 
     def near_rows(self, row: int) -> NDArray[np.int32]:
         """Return the rows (K,), in order, of all images that could be within D_c or D_m of the image in a row, itself
-        included, and of a few others: `may_be_near` excludes those.
-
-        The cost grows with their number, not with that of all images.
-        """
+        included, and of a few others: `may_be_near` excludes those."""
+        rows = np.arange(len(self._poses))
         if not self._config.odometry_drift:
-            return np.arange(len(self._poses), dtype=np.int32)
+            return rows.astype(np.int32)
         if row not in self._near:
             if self._remembered > _MOST_ROWS_REMEMBERED:
                 self._near.clear()
                 self._remembered = 0
-            rows = self._runs[0].first
-            for runs in self._runs:
-                numbers = np.searchsorted(runs.first, rows)
-                near = self._may_lie_near(row, rows, runs.radius_m[numbers], runs.driven_m[numbers])
-                rows = runs.members(numbers[near])
             self._near[row] = rows[self._may_lie_near(row, rows)].astype(np.int32)
             self._remembered += len(self._near[row])
         return self._near[row]
 
-    def _may_lie_near(
-        self,
-        here: int,
-        there: NDArray[np.intp],
-        radius_m: NDArray[np.float64] | float = _ROUNDING,
-        driven_m: NDArray[np.float64] | float = 0.0,
-    ) -> NDArray[np.bool_]:
-        """Tell (N,) whether some image that lies within a radius of that in a row of `there` (N,), and at most so far
-        along the drive, could be near the image in row `here`."""
+    def _may_lie_near(self, here: int, there: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Tell (N,) whether the images in rows `there` (N,) could be near the image in row `here`, on either way
+        between them."""
         same = self._segment[there] == self._segment[here]
         if same.all():
             places, path_m = self._poses[there, :2] - self._poses[here, :2], self._ways.between(here, there)
@@ -149,8 +131,8 @@ class OdometryGate:
             driven, path_m = self._way(here, there)
             places = driven[:, :2]
         # Another link may give another relative pose of such an image, or give it from the other side.
-        allowance_m = self._allowance_m(path_m + driven_m) * np.where(same, 1.0, _OTHER_LINK)
-        return np.hypot(places[:, 0], places[:, 1]) - radius_m <= self._reach_m + allowance_m
+        allowance_m = self._allowance_m(path_m) * np.where(same, 1.0, _OTHER_LINK)
+        return np.hypot(places[:, 0], places[:, 1]) - _ROUNDING <= self._reach_m + allowance_m
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""
@@ -257,40 +239,6 @@ class OdometryGate:
     @staticmethod
     def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
-
-
-class _Runs(NamedTuple):
-    """R runs of consecutive images within one stretch of odometry."""
-
-    first: NDArray[np.intp]
-    """(R,) rows of their first images."""
-    images: NDArray[np.intp]
-    """(R,) numbers of images."""
-    radius_m: NDArray[np.float64]
-    """(R,) greatest distances of an image from the first."""
-    driven_m: NDArray[np.float64]
-    """(R,) distances driven along them."""
-    step: int
-    """Length of the runs into which these are divided."""
-
-    @classmethod
-    def of(cls, poses: Pose, path_m: NDArray[np.float64], segment: NDArray[np.intp], length: int, step: int) -> Self:
-        """Divide images at poses (N, 3), after (N,) metres of driving, within the stretches (N,) to which they
-        belong."""
-        rows = np.arange(len(poses))
-        begins = np.diff(segment, prepend=-1) > 0
-        within = rows - np.maximum.accumulate(np.where(begins, rows, 0))
-        first = np.flatnonzero(within % length == 0)
-        count = np.diff(first, append=len(poses))
-        away_m = np.hypot(*(poses[:, :2] - np.repeat(poses[first, :2], count, axis=0)).T)
-        driven_m = path_m[first + count - 1] - path_m[first] + count * _STEP_M  # Each step between closures counts so.
-        return cls(first, count, np.maximum.reduceat(away_m, first) + _ROUNDING, driven_m, step)
-
-    def members(self, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the rows of the first images of all runs into which some of these (K,) are divided."""
-        counts = -(-self.images[numbers] // self.step)
-        place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        return np.repeat(self.first[numbers], counts) + self.step * place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

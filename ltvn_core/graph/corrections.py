@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import wrap_angle
 
+UNSURE = "images placed less surely than 1 m"
+"""Name of the images whose place, seen from the first of their drive, has a standard deviation above a metre."""
 _KEY = "corrections"
 
 

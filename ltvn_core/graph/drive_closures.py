@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.closure_judgement import ClosureJudgement
-from ltvn_core.graph.corrections import Correction
+from ltvn_core.graph.corrections import UNSURE, Correction
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.map_contradictions import PassOverlay
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
-from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, optimise
+from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, deviations, optimise
 from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation
 
@@ -77,6 +77,8 @@ _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 """Standard deviations of the network's waypoint over an edge, in m, m and rad."""
 _SAME_STRETCH_M, _MOST_IN_STRETCH = 2.0, 3.0
 """Closures within this distance along a drive, in metres, together weigh at most as much as this number of closures."""
+_UNSURE_M = 1.0
+"""Standard deviation of a place, in metres, above which `ltvn info` counts it as unsure."""
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 """Standard deviations of odometry: of distance and heading per metre driven, and of the angle turned."""
@@ -116,6 +118,9 @@ def with_closed_loops(
             apart = np.array([link.waypoint for link in closed.rejected])
             errors, count = _errors(closed.rejected, keyframes), len(closed.rejected)
             keyframes.corrections.append(Correction.of("look-alikes left out", apart, errors, count=count))
+        unsure = closed.deviations[closed.deviations[:, 0] > _UNSURE_M]
+        if len(unsure):
+            keyframes.corrections.append(Correction.of(UNSURE, unsure, np.empty((0, 3)), count=len(unsure)))
         gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
@@ -141,6 +146,9 @@ class ClosedDrives(NamedTuple):
     closures: tuple[DriveLink, ...] = ()
     rejected: tuple[DriveLink, ...] = ()
     """Pairs of images that look like one place, and are none by the course."""
+    deviations: NDArray[np.float64] = np.empty((0, 3))
+    """(N, 3) standard deviations of the images, seen from the first of their stretch: of the place in m, 0, and of the
+    heading in rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,13 +166,15 @@ class ClosureSearch:
     def closed(self) -> ClosedDrives:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
         corrected = dict[FrameId, Observation]()
-        closures, rejected = list[DriveLink](), list[DriveLink]()
+        closures, rejected, unsure = list[DriveLink](), list[DriveLink](), list[NDArray[np.float64]]()
         for stretch in self._stretches():
             closed = self._closed_stretch(stretch, len(corrected))
             corrected |= {each.step: each for each in closed.observations}
             closures += closed.closures
             rejected += closed.rejected
-        return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures), tuple(rejected))
+            unsure.append(_KeyImages.of(stretch).deviations(closed))
+        images = [corrected[seen.step] for seen in self.observations]
+        return ClosedDrives(images, tuple(closures), tuple(rejected), np.concatenate(unsure))
 
     def _stretches(self) -> Iterator[list[Observation]]:
         """Yield the stretches of images within which odometry is unbroken."""
@@ -270,13 +280,23 @@ class _KeyImages:
         kept, rejected = (tuple(compress(found, which)) for which in (course.kept, ~course.kept))
         return ClosedDrives(observations, kept, rejected)
 
+    def deviations(self, closed: ClosedDrives) -> NDArray[np.float64]:
+        """Return the deviations (N, 3) of all images along a course, each those of the next key image."""
+        if len(self.rows) < 2:
+            return np.zeros((len(self.stretch), 3))
+        poses = odometry_of([closed.observations[row] for row in self.rows])
+        odometry = _odometry_between(self.odometry[self.rows])
+        place_m, heading = deviations(poses, odometry, self._closures(closed.closures)).T
+        off = np.stack([place_m, np.zeros_like(place_m), np.minimum(heading, np.pi)], axis=-1)
+        return off[np.searchsorted(self.rows, np.arange(len(self.stretch)))]
+
     def _closures(self, found: Sequence[DriveLink]) -> RelativePoses:
         place = {self.stretch[row].step: k for k, row in enumerate(self.rows)}
-        first = np.array([place[link.frame] for link in found])
+        first = np.array([place[link.frame] for link in found], np.intp)
         return RelativePoses(
             first=first,
-            second=np.array([place[link.other] for link in found]),
-            poses=np.array([link.waypoint for link in found]),
+            second=np.array([place[link.other] for link in found], np.intp),
+            poses=np.array([link.waypoint for link in found]).reshape(-1, 3),
             deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
             shares=_shares(self.driven_m[first]),
         )

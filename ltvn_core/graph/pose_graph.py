@@ -132,15 +132,34 @@ def _least_squares(
     """Take Gauss-Newton steps, limited in number."""
     closures, weights = closures.among(weights > 0), weights[weights > 0]
     for _ in range(most_steps):
-        first = _linearised(poses, odometry, np.ones(len(odometry.first)))
+        first = _linearised(poses, odometry, 1.0)
         second = _linearised(poses, closures, weights)
-        normal = (first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:]
         gradient = (first.jacobian.T @ first.errors + second.jacobian.T @ second.errors)[3:]
-        step = solver.solve(csc_array(normal), -gradient, accuracy).reshape(-1, 3)
+        step = solver.solve(_normal(first, second), -gradient, accuracy).reshape(-1, 3)
         poses = np.concatenate([poses[:1], poses[1:] + step])
         if np.abs(step).max(initial=0.0) < _CONVERGED:
             break
     return poses
+
+
+_ASKED = 200
+"""Largest number of poses whose deviations are computed; the others' are interpolated."""
+
+
+def deviations(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.float64]:
+    """Return the standard deviations (N, 2) of places and headings, in m and rad, seen from the first of the poses.
+
+    From the inverse of the normal matrix at optimised poses (N, 3). All closures count as true; odometry must be a
+    chain, as in `optimise`.
+    """
+    rows = np.unique(np.linspace(1, len(poses) - 1, min(_ASKED, len(poses) - 1)).astype(np.intp))
+    normal = _normal(_linearised(poses, odometry, 1.0), _linearised(poses, closures, 1.0))
+    columns = (3 * (rows[:, None] - 1) + np.arange(3)).ravel()
+    unit = np.zeros((3 * len(poses) - 3, len(columns)))
+    unit[columns, np.arange(len(columns))] = 1.0
+    variances = np.diagonal(_factors(normal).solve(unit)[columns]).reshape(-1, 3)
+    sizes = np.sqrt(np.stack([variances[:, :2].sum(axis=1), variances[:, 2]]))
+    return np.stack([np.interp(np.arange(len(poses)), [0, *rows], [0.0, *each]) for each in sizes], axis=-1)
 
 
 class _Solver:
@@ -162,10 +181,14 @@ class _Solver:
             solution, failed = cg(normal, right, rtol=accuracy, maxiter=_MOST_ITERATIONS, M=like)
             if not failed:
                 return solution
-        # An ordering for symmetric matrices fills in far less than SuperLU's own choice, COLAMD.
-        factors = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        self._factors = factors
+        factors = self._factors = _factors(normal)
         return factors.solve(right)
+
+
+def _factors(normal: csc_array) -> SuperLU:
+    """Return the factors of a symmetric, positive definite matrix."""
+    # An ordering for symmetric matrices fills in far less than SuperLU's own choice, COLAMD.
+    return splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class _Linearised(NamedTuple):
@@ -175,10 +198,15 @@ class _Linearised(NamedTuple):
     """(3 M,) weighted errors."""
 
 
-def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64]) -> _Linearised:
+def _normal(first: _Linearised, second: _Linearised) -> csc_array:
+    """Return the normal matrix (3 N - 3, 3 N - 3) of all poses but the first, which is fixed."""
+    return csc_array((first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:])
+
+
+def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64] | float) -> _Linearised:
     """Return the weighted errors of M measurements and how they change with the poses (N, 3)."""
     count = len(measured.first)
-    counting = np.sqrt(weights * measured.shares)[:, None]
+    counting = np.broadcast_to(np.sqrt(weights * measured.shares), count)[:, None]
     scale = counting / measured.deviations
     here = poses[measured.first]
     there = poses[measured.second]

@@ -18,7 +18,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.image_validity import check_instant
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
-from ltvn_core.maps.map_check import MappedDrive, diagnose
+from ltvn_core.maps.map_check import MappedDrive, diagnose, place_findings
 from ltvn_core.maps.map_coverage import goal_reports, map_coverage
 from ltvn_core.maps.scale_check import scale_findings
 from ltvn_core.maps.topological_map import TopologicalMap
@@ -117,6 +117,7 @@ def build_map(
         *drive_findings(reports),
         *_sequence_findings(in_order, drives),
         *scale_findings(graph, in_order),
+        *place_findings(corrections, len(in_order)),
         *diagnose(drive, coverage),
         *told,
     )

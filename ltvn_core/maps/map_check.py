@@ -18,6 +18,7 @@ from ltvn_core.cameras.rectification import Rectification, have_same_rays
 from ltvn_core.data.revisits import near_pairs, revisits
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import relative
+from ltvn_core.graph.corrections import UNSURE, Correction
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -51,6 +52,8 @@ ALIKE = 0.97
 """Similarity of images far apart in time above which images look alike throughout the drive."""
 FEW_KEY_POINTS = 150
 """Number of key points per image below which a predictor that compares key points finds too little."""
+MOST_UNSURE = 0.25
+"""Share of the images whose place may be unsure."""
 MOST_ONE_WAY = 0.5
 """Share of the images unknown to a map that must have one cause for it to be reported."""
 NO_WAY_M, NO_TURN_RAD = 0.5, math.radians(15)
@@ -165,6 +168,16 @@ def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[Finding, ...]:
         *_overlap(drive, recognised),
         *_one_way(drive, coverage, recognised),
     )
+
+
+def place_findings(corrections: Sequence[Correction], images: int) -> Iterator[Finding]:
+    """Yield the share of images whose place is unsure, if it is large."""
+    for unsure in (each for each in corrections if each.what == UNSURE and each.count > MOST_UNSURE * images):
+        yield Finding(
+            f"{unsure.count / images:.0%} of the images are placed less surely than 1 m, up to {unsure.most_m:.1f} m, "
+            "because the drive hardly recognises places where it was before. Places that look alike may be confused.",
+            remedy="Drive another round, in another order, and build the map from both drives.",
+        )
 
 
 def _cause(text: str, remedy: str = "") -> Finding:

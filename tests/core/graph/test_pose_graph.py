@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from ltvn_core.geometry import compose, relative, wrap_angle
-from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.graph.pose_graph import RelativePoses, deviations, optimise
 from ltvn_core.types import Pose
 
 LAPS, CORNERS = 3, 4
@@ -103,6 +103,23 @@ def test_without_closures_odometry_is_all_there_is() -> None:
     found = optimise(odometry, in_a_row(odometry), measured(odometry, nothing, nothing, 0.1))
     assert np.allclose(found.poses, odometry)
     assert found.kept.shape == (0,)
+
+
+def test_a_place_is_as_unsure_as_a_drive_to_it_and_surer_once_it_is_recognised() -> None:
+    truth = square()[: CORNERS * 8 + 1]
+    odometry, nowhere = in_a_row(truth), np.empty(0, np.intp)
+    without = deviations(truth, odometry, measured(truth, nowhere, nowhere, 0.1))
+    back = measured(truth, np.array([0]), np.array([CORNERS * 8]), 0.1)
+    closed = deviations(truth, odometry, back)
+    rng = np.random.default_rng(0)
+    drives = [odometry.poses + rng.normal(scale=0.04, size=odometry.poses.shape) for _ in range(2000)]
+    ends = np.zeros((2000, 3))
+    for row in range(CORNERS * 8):
+        ends = compose(ends, np.array([steps[row] for steps in drives]))
+    spread = np.hypot(*ends[:, :2].std(axis=0)), ends[:, 2].std()
+    assert without[-1] == pytest.approx(spread, rel=0.1)
+    assert (closed[1:] < without[1:]).all()
+    assert closed[-1, 0] == pytest.approx(np.hypot(0.1, 0.1), rel=0.1)
 
 
 def test_many_closures_of_one_place_count_no_more_than_a_few_elsewhere() -> None:

@@ -24,10 +24,11 @@ from ltvn_core.data.recording.rrf2.layout import (
     STORE_KIND,
     UNREADABLE,
     ChunkMessage,
-    MessageSum,
+    MessageSums,
     described_store,
     read_chunk,
     recording_id,
+    sizes_of,
 )
 from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
@@ -90,11 +91,11 @@ def indexed_batches(messages: "FileMessages", index: RowIndex) -> Mapping[str, I
 class FileMessages:
     """The messages of a file, which stays open if it is large."""
 
-    def __init__(self, path: Path, sums: Sequence[MessageSum]) -> None:
+    def __init__(self, path: Path, sums: MessageSums) -> None:
         """Open a file with these messages. Raises OSError if that is impossible."""
         self.path = path
         self._sums = sums
-        self._places = HEADER_BYTES + np.cumsum([0, *(each.size for each in sums)])
+        self._places = HEADER_BYTES + np.concatenate([[0], np.cumsum(sizes_of(sums))])
         self._bytes = path.read_bytes() if path.stat().st_size <= _IN_MEMORY_BYTES else None
         self._lock = threading.Lock()
         if self._bytes is None:
@@ -103,25 +104,27 @@ class FileMessages:
 
     def stores(self) -> Set[bytes]:
         """Return the keys of the stores that the file describes. Raises one of `UNREADABLE`."""
-        return {described_store(self._payload(k)) for k, each in enumerate(self._sums) if each.kind == STORE_KIND}
+        return {described_store(self._payload(number)) for number in self._of_kind(STORE_KIND)}
 
     def chunks(self) -> Iterator[ChunkMessage]:
         """Yield all messages with rows. Raises one of `UNREADABLE`."""
-        return (self.chunk(number) for number, each in enumerate(self._sums) if each.kind == CHUNK_KIND)
+        return (self.chunk(number) for number in self._of_kind(CHUNK_KIND))
 
     def chunk(self, number: int) -> ChunkMessage:
         """Decode the message of this number. Raises one of `UNREADABLE`."""
         return read_chunk(self._payload(number))
 
+    def _of_kind(self, kind: int) -> Sequence[int]:
+        return np.flatnonzero(self._sums["kind"] == kind).tolist()
+
     def _payload(self, number: int) -> bytes:
-        known = self._sums[number]
-        place = int(self._places[number])
+        place, after = self._places[number : number + 2].tolist()
         if self._bytes is not None:
-            data = self._bytes[place : place + known.size]
+            data = self._bytes[place:after]
         else:
             with self._lock:  # Windows cannot read at a position without moving there.
                 os.lseek(self._file, place, os.SEEK_SET)
-                data = os.read(self._file, known.size)
-        if zlib.crc32(data) != known.crc32:
+                data = os.read(self._file, after - place)
+        if zlib.crc32(data) != self._sums["crc32"][number]:
             raise ValueError("its checksum differs")
         return data[MESSAGE_HEADER.size :]

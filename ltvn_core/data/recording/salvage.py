@@ -38,7 +38,6 @@ from ltvn_core.data.recording.rrf2.layout import (
     TAIL_BYTES,
     UNREADABLE,
     ChunkMessage,
-    MessageSum,
     Tail,
     read_chunk,
 )
@@ -114,7 +113,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
 
 def _read_messages(data: bytes, record: ClosingRecord | None, stores: dict[bytes, _Store]) -> list[tuple[int, int]]:
     """Add the rows of all readable messages to their stores; return position and length of what is damaged."""
-    known = None if record is None else set(record.messages)
+    known = None if record is None else set(record.messages.tolist())
     lost = list[tuple[int, int]]()
     for begin, end, chunk in _messages(data):
         is_sure = known is None or _sum(data[begin:end]) in known
@@ -177,9 +176,9 @@ def _is_protobuf(payload: bytes) -> bool:
         return False
 
 
-def _sum(message: bytes) -> MessageSum:
+def _sum(message: bytes) -> tuple[int, int, int]:
     kind, length = MESSAGE_HEADER.unpack_from(message) if len(message) >= MESSAGE_HEADER.size else (0, 0)
-    return MessageSum(kind, length, zlib.crc32(message))
+    return kind, zlib.crc32(message), length
 
 
 def _has_table(data: bytes) -> bool:

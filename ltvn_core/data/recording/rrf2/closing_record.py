@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
 
 from ltvn_core.data.recording.rrf2.chunk_table import ChunkPlace, ChunkTable
@@ -22,8 +23,10 @@ from ltvn_core.data.recording.rrf2.layout import (
     END_KIND,
     HEADER_BYTES,
     MESSAGE_HEADER,
-    MessageSum,
+    MESSAGE_SUM,
+    MessageSums,
     Tail,
+    sizes_of,
 )
 from ltvn_core.data.recording.rrf2.row_index import FrameList, index_field
 from ltvn_core.protobuf_fields import bytes_field_start
@@ -35,17 +38,18 @@ _FIELD = 7000
 """Number of the protobuf field; Rerun has no such field and skips it."""
 _SIZES = struct.Struct("<II")
 """Length of the JSON text and number of messages."""
-_SUM = struct.Struct("<IIQ")
 _CRC = struct.Struct("<I")
+_LONGEST = 2**40
+"""Length in bytes above which no message is true."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ClosingRecord:
     """The checksums and counts of a finished recording."""
 
     header_crc32: int
     """Checksum of the 12 bytes at the beginning of the file."""
-    messages: Sequence[MessageSum]
+    messages: MessageSums
     """Checksums of all messages before the end message, in order."""
     rows: Mapping[str, int]
     """Number of rows that were written with a time, by entity path; shows rows that Rerun lost."""
@@ -55,7 +59,7 @@ class ClosingRecord:
     @property
     def messages_end(self) -> int:
         """Position of the end message in bytes."""
-        return HEADER_BYTES + sum(message.size for message in self.messages)
+        return HEADER_BYTES + int(sizes_of(self.messages).sum())
 
 
 class EndMessage(NamedTuple):
@@ -104,7 +108,7 @@ class RecordingEnding:
         self._header_crc32: int | None = None
         self._body_crc32 = 0
         self._table = bytearray()
-        """Packed checksums; an hour of recording has some sixty thousand."""
+        """Checksums as `MESSAGE_SUM`."""
 
     def count(self, block: bytes) -> None:
         """Register the header, or a message that was written to the file."""
@@ -114,7 +118,7 @@ class RecordingEnding:
             return
         self.chunks.take_in()
         kind, length = MESSAGE_HEADER.unpack_from(block)
-        self._table += _SUM.pack(kind, zlib.crc32(block), length)
+        self._table += np.array((kind, zlib.crc32(block), length), MESSAGE_SUM).tobytes()
 
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
         """Return the bytes to write after the last message.
@@ -124,7 +128,7 @@ class RecordingEnding:
         """
         record = ClosingRecord(
             header_crc32=self._header_crc32 or 0,
-            messages=_messages(self._table),
+            messages=np.frombuffer(self._table, MESSAGE_SUM),
             rows=self.rows if complete else {},
             static_rows=self.static_rows if complete else {},
         )
@@ -134,7 +138,7 @@ class RecordingEnding:
         index = self._index(record.messages, len(places)) if complete else b""
         return closing_bytes(record, self.chunks.encoded(places), index)
 
-    def _index(self, messages: Sequence[MessageSum], chunks: int) -> bytes:
+    def _index(self, messages: MessageSums, chunks: int) -> bytes:
         """Return the index; empty if it cannot be made. Never raises, because a recording is whole without it."""
         try:
             listed = self.chunks.listed(chunks)
@@ -151,8 +155,8 @@ def closing_bytes(record: ClosingRecord, footer: bytes = b"", index: bytes = b""
     tail."""
     counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
     text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
-    table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
-    body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
+    sizes = _SIZES.pack(len(text), len(record.messages))
+    body = _MAGIC + sizes + text + record.messages.tobytes() + _CRC.pack(record.header_crc32)
     before = footer + index + bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
     start = record.messages_end + MESSAGE_HEADER.size
     tail = Tail.of(start, footer)
@@ -185,7 +189,7 @@ def _size(data: bytes) -> int:
     if len(data) < len(_MAGIC) + _SIZES.size:
         return 0
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
-    return len(_MAGIC) + _SIZES.size + text_bytes + count * _SUM.size + 3 * _CRC.size
+    return len(_MAGIC) + _SIZES.size + text_bytes + count * MESSAGE_SUM.itemsize + 3 * _CRC.size
 
 
 def _parsed(data: bytes) -> ClosingRecord | None:
@@ -194,15 +198,17 @@ def _parsed(data: bytes) -> ClosingRecord | None:
         return None
     text_at = len(_MAGIC) + _SIZES.size
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
-    table_end = text_at + text_bytes + count * _SUM.size
+    messages = np.frombuffer(data, MESSAGE_SUM, count, text_at + text_bytes)
+    if (messages["length"] > _LONGEST).any():
+        return None
     try:
         counts = parse_json(data[text_at : text_at + text_bytes])
         rows, static_rows = (_counts(counts[name]) for name in ("rows", "static_rows"))
     except (ValueError, LookupError, TypeError, AttributeError):
         return None  # Its checksum is correct, so it was written like this.
     return ClosingRecord(
-        header_crc32=_CRC.unpack_from(data, table_end)[0],
-        messages=_messages(data[text_at + text_bytes : table_end]),
+        header_crc32=_CRC.unpack_from(data, text_at + text_bytes + messages.nbytes)[0],
+        messages=messages,
         rows=rows,
         static_rows=static_rows,
     )
@@ -216,22 +222,15 @@ def _counts(counts: Mapping[str, object]) -> Mapping[str, int]:
     return numbers
 
 
-def _messages(table: bytes | bytearray) -> Sequence[MessageSum]:
-    return tuple(MessageSum(kind, length, crc32) for kind, crc32, length in _SUM.iter_unpack(table))
-
-
 def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
     """Return the checksum of the end message without the record, and of the tail."""
     before = MESSAGE_HEADER.pack(END_KIND, len(end.payload)) + end.payload[:-record_bytes]
     return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
 
 
-def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
+def chunk_places(messages: MessageSums) -> Sequence[ChunkPlace]:
     """Return the positions of the chunks' payloads in a file with these messages."""
-    position = HEADER_BYTES
-    places = list[ChunkPlace]()
-    for message in messages:
-        if message.kind == CHUNK_KIND:
-            places.append(ChunkPlace(position + MESSAGE_HEADER.size, message.length))
-        position += message.size
-    return places
+    lengths = messages["length"].astype(np.int64)
+    begins = HEADER_BYTES + np.cumsum(sizes_of(messages)) - lengths
+    are_chunks = messages["kind"] == CHUNK_KIND
+    return [*map(ChunkPlace, begins[are_chunks].tolist(), lengths[are_chunks].tolist())]

@@ -4,9 +4,11 @@ Reads the file message by message, in plain Python. Does not interpret messages.
 """
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
+
+import numpy as np
 
 from ltvn_core.data.recording.rrf2.chunk_table import listed_chunks
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, EndMessage, chunk_places, read_closing_record
@@ -15,9 +17,11 @@ from ltvn_core.data.recording.rrf2.layout import (
     HEADER_BYTES,
     KNOWN_KINDS,
     MESSAGE_HEADER,
+    MESSAGE_SUM,
     TAIL_BYTES,
-    MessageSum,
+    MessageSums,
     Tail,
+    sizes_of,
 )
 from ltvn_core.data.recording.rrf2.row_index import RowIndex, read_index
 
@@ -32,7 +36,7 @@ class FileCheck(NamedTuple):
     damage: str | None = None
     """What changed since the file was finished, as a clause; None for an unfinished file, and if its checksums are
     correct."""
-    messages: Sequence[MessageSum] = ()
+    messages: MessageSums = np.empty(0, MESSAGE_SUM)
     """The messages before the end message; none for an unfinished file."""
     record: ClosingRecord | None = None
     """Closing record; None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
@@ -50,8 +54,8 @@ def check_file(path: Path) -> FileCheck:
             return found
         file.seek(0)
         header_crc32 = zlib.crc32(file.read(HEADER_BYTES))
-        messages = tuple(walk_messages(file, size))
-        whole_bytes = min(size, HEADER_BYTES) + sum(message.size for message in messages)
+        messages = np.array([*walk_messages(file, size)], MESSAGE_SUM)
+        whole_bytes = min(size, HEADER_BYTES) + int(sizes_of(messages).sum())
         end = _read_end(file, whole_bytes, size)
     if end is None:
         damage = None if tail is None else f"no valid message follows byte {whole_bytes} of {size}"
@@ -75,24 +79,21 @@ def _check_at_once(file: BinaryIO, tail: Tail, size: int) -> FileCheck | None:
     return FileCheck(position, finished=True, messages=record.messages, record=record, row_index=index)
 
 
-def _damage(
-    header_crc32: int, messages: Sequence[MessageSum], end: EndMessage, record: ClosingRecord | None
-) -> str | None:
+def _damage(header_crc32: int, messages: MessageSums, end: EndMessage, record: ClosingRecord | None) -> str | None:
     if record is None:
         return _damage_without_record(messages, end)
     if header_crc32 != record.header_crc32:
         return "its first 12 bytes changed"
-    position = HEADER_BYTES
-    for place, (found, written) in enumerate(zip(messages, record.messages, strict=False)):
-        if found != written:
-            return f"message {place}, at byte {position}, changed"
-        position += found.size
+    both = min(len(messages), len(record.messages))
+    for place in np.flatnonzero(messages[:both] != record.messages[:both])[:1].tolist():
+        position = HEADER_BYTES + int(sizes_of(messages[:place]).sum())
+        return f"message {place}, at byte {position}, changed"
     if len(messages) != len(record.messages):
         return f"it has {len(messages)} messages, but {len(record.messages)} when it was finished"
     return None
 
 
-def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> str | None:
+def _damage_without_record(messages: MessageSums, end: EndMessage) -> str | None:
     """Check a file that Rerun itself finished, through an older recorder or one of Rerun's tools; return its damage.
 
     Both write a table of all chunks. A missing table means that an empty ending was appended to a truncated file.
@@ -112,8 +113,8 @@ def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> s
     return None
 
 
-def walk_messages(file: BinaryIO, size: int) -> Iterator[MessageSum]:
-    """Yield the messages of a file of `size` bytes, up to its end message or the first place that is not a message.
+def walk_messages(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+    """Yield the messages of a file of `size` bytes, each as `MESSAGE_SUM`, up to the first place that is not one.
 
     Reads all bytes. Keeps its own position, so that callers may move the file's position between two messages.
     """
@@ -125,7 +126,7 @@ def walk_messages(file: BinaryIO, size: int) -> Iterator[MessageSum]:
         position += MESSAGE_HEADER.size + length
         if kind not in KNOWN_KINDS or position > size:
             return
-        yield MessageSum(kind, length, _checksum(file, length, zlib.crc32(header)))
+        yield kind, _checksum(file, length, zlib.crc32(header)), length
 
 
 def _read_end(file: BinaryIO, position: int, size: int) -> EndMessage | None:

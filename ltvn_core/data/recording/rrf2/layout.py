@@ -7,10 +7,12 @@ table in a protobuf message; the end message begins with Rerun's footer, one tab
 import struct
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeAlias
 
+import numpy as np
 import pyarrow as pa
 import xxhash
+from numpy.typing import NDArray
 from rerun.chunk import Chunk
 
 from ltvn_core.data.recording import schema
@@ -44,19 +46,16 @@ _ENCODING, _PAYLOAD, _COMPRESSION, _SIZE = 1, 2, 3, 4
 _ARROW, _LZ4 = 1, 2
 
 
-class MessageSum(NamedTuple):
-    """The checksum of a message."""
+MESSAGE_SUM = np.dtype([("kind", "<u4"), ("crc32", "<u4"), ("length", "<u8")])
+"""Kind of a message, CRC-32 of its header and payload, and length of its payload in bytes, as closing records hold
+them. An hour of recording has some sixty thousand messages."""
+MessageSums: TypeAlias = NDArray[np.void]
+"""(N,) of `MESSAGE_SUM`."""
 
-    kind: int
-    length: int
-    """Length of the payload, in bytes."""
-    crc32: int
-    """CRC-32 of the message's header and payload."""
 
-    @property
-    def size(self) -> int:
-        """Length with the message's header, in bytes."""
-        return MESSAGE_HEADER.size + self.length
+def sizes_of(messages: MessageSums) -> NDArray[np.int64]:
+    """Return the lengths (N,) of messages with their headers, in bytes."""
+    return messages["length"].astype(np.int64) + MESSAGE_HEADER.size
 
 
 class Tail(NamedTuple):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.rrf2.arrow_tables import read_table
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
-from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND, MessageSum
+from ltvn_core.data.recording.rrf2.layout import CHUNK_KIND, MessageSums
 from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 from ltvn_core.types import FrameId, Pose
 
@@ -99,7 +99,7 @@ def index_field(
     recording_id: str,
     body_crc32: int,
     listed: Mapping[str, Sequence[ListedChunk]],
-    messages: Sequence[MessageSum],
+    messages: MessageSums,
     frames: FrameTable,
 ) -> bytes:
     """Encode the index as a field of the end message; empty if the chunks do not hold as many images as there are
@@ -115,7 +115,7 @@ def index_field(
     }
     if any(sum(chunk.rows for chunk in listed.get(entity, ())) != len(steps) for entity, steps in steps_of.items()):
         return b""
-    of_chunk = [number for number, message in enumerate(messages) if message.kind == CHUNK_KIND]
+    of_chunk = np.flatnonzero(messages["kind"] == CHUNK_KIND).tolist()
     names = sorted((entity for entity, chunks in listed.items() if chunks), key=lambda entity: listed[entity][0])
     rows = [(number, chunk) for number, name in enumerate(names) for chunk in listed[name]]
     in_order = [name not in steps_of or _are_in_order(listed[name], steps_of[name]) for name in names]

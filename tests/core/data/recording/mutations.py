@@ -149,9 +149,9 @@ class Recoverable:
 def _messages(path: Path, data: bytes) -> Iterator[bytes]:
     with path.open("rb") as file:
         position = HEADER_BYTES
-        for message in walk_messages(file, len(data)):
-            yield data[position : position + message.size]
-            position += message.size
+        for _, _, length in walk_messages(file, len(data)):
+            begin, position = position, position + MESSAGE_HEADER.size + length
+            yield data[begin:position]
 
 
 def _frames_of(message: bytes) -> set[int]:

@@ -68,7 +68,11 @@ def test_a_recording_that_lost_rows_before_it_was_finished_is_refused(whole: Pat
 
 def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) -> None:
     data, record = whole.read_bytes(), check_file(whole).record
-    assert last_closing_record(data[len(data) // 2 + 5 :]) == record
+    found = last_closing_record(data[len(data) // 2 + 5 :])
+    assert found is not None
+    assert record is not None
+    assert (found.messages == record.messages).all()
+    assert found.rows == record.rows
     assert last_closing_record(data[:-40]) is None
     assert last_closing_record(b"") is None
 

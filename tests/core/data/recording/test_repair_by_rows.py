@@ -36,9 +36,9 @@ def spans(path: Path) -> list[tuple[int, int]]:
     """Return where each message of a whole file begins and ends."""
     found, begin = list[tuple[int, int]](), HEADER_BYTES
     with path.open("rb") as file:
-        for message in walk_messages(file, path.stat().st_size):
-            found.append((begin, begin + message.size))
-            begin += message.size
+        for _, _, length in walk_messages(file, path.stat().st_size):
+            found.append((begin, begin + MESSAGE_HEADER.size + length))
+            begin = found[-1][1]
     return found
 
 

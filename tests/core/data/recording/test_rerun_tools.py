@@ -107,11 +107,11 @@ def test_the_table_of_chunks_is_the_one_that_rerun_makes(whole: Path, tmp_path: 
 def test_the_table_says_where_each_chunk_stands(whole: Path) -> None:
     record = check_file(whole).record
     assert record is not None
-    position, chunks = HEADER_BYTES, set()
-    for message in record.messages:
-        if message.kind == CHUNK_KIND:
-            chunks.add((position + MESSAGE_HEADER.size, message.length))
-        position += message.size
+    position, chunks = HEADER_BYTES + MESSAGE_HEADER.size, set()
+    for kind, _, length in record.messages.tolist():
+        if kind == CHUNK_KIND:
+            chunks.add((position, length))
+        position += MESSAGE_HEADER.size + length
     found = set()
     for _, table in manifests(whole).values():
         offsets, sizes = (table.column(name).to_pylist() for name in ("chunk_byte_offset", "chunk_byte_size"))

@@ -92,7 +92,7 @@ def test_verify_compares_the_poses_of_the_index_with_those_of_the_images(whole: 
     found = check_file(whole)
     assert found.record is not None
     assert found.row_index is not None
-    number_of = np.cumsum([message.kind == CHUNK_KIND for message in found.record.messages]) - 1
+    number_of = np.cumsum(found.record.messages["kind"] == CHUNK_KIND) - 1
     listed = {
         entity: [
             ListedChunk(int(number_of[message]), int(rows), 0, 0, is_static=False)

@@ -5,6 +5,7 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
+from ltvn_core.network.optimization.scene_images import SceneImages
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.shards import DatasetRecipe
@@ -21,7 +22,8 @@ def learn() -> list[Measurement]:
     sampler, trainer, plain = BatchSampler([shard]), Trainer(Hyperparameters()), UnoptimizedTrainer()
     trainer.step(sampler, 0.5)
     pairs = trainer.pairs
+    images = SceneImages([shard])
     batch = sampler.draw(np.random.default_rng(0), groups=10, pairs_per_group=18)
-    ratio = alternating(lambda: trainer.step(sampler, 0.5), lambda: plain.step(batch), 3)
+    ratio = alternating(lambda: trainer.step(sampler, 0.5), lambda: plain.step(batch, images), 3)
     faster = ratio * pairs / plain.pairs
     return [measured("training: pairs per second against a plain loop", faster, "x more", at_least=2)]

@@ -3,12 +3,11 @@
 Every pair is learned from by itself, both images encoded in float32, nothing shared. Only the benchmarks use it.
 """
 
-import numpy as np
 import torch
 
 from ltvn_core.network.loss import cross_entropy, pair_loss
 from ltvn_core.network.network_families import PairNetwork
-from ltvn_core.network.predictor import images_to_tensors
+from ltvn_core.network.optimization.scene_images import SceneImages
 from ltvn_core.network.training_examples import TrainingBatch
 
 
@@ -20,13 +19,11 @@ class UnoptimizedTrainer:
         self.network = PairNetwork()
         self.optimiser = torch.optim.AdamW(self.network.parameters(), 1e-3)
 
-    def step(self, batch: TrainingBatch) -> None:
+    def step(self, batch: TrainingBatch, images: SceneImages) -> None:
         """Learn from the first `pairs` pairs of a batch."""
+        rgb, depth = images.take(batch.images)
         sources, targets = batch.sources[: self.pairs], batch.targets[: self.pairs]
-        here, there = (
-            self.network.encode(*images_to_tensors(batch.rgb[rows], batch.depth_mm[rows] / np.float32(1000)))
-            for rows in (sources, targets)
-        )
+        here, there = (self.network.encode(rgb[rows], depth[rows]) for rows in (sources, targets))
         output = self.network.compare(here, there)
         reachable = torch.from_numpy(batch.reachable[: self.pairs]).float()
         waypoints = torch.from_numpy(batch.waypoints(sources, targets)).float()

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from figures.pair_table import PairTable
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.network.pair_evaluation import LabelledDrive, encode_images, predict_pairs
+from ltvn_core.network.pair_evaluation import LabelledDrive
+from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_data.shards import Shard
-from ltvn_core.types import Predictor
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +38,14 @@ class DrivePredictions:
     far: NDArray[np.float64]
 
 
-def predict_labelled_pairs(predictor: Predictor, shards: Sequence[Shard]) -> PairPredictions:
+def predict_labelled_pairs(predictor: NetworkPredictor, shards: Sequence[Shard]) -> PairPredictions:
     """Ask about all labelled pairs of shards."""
     parts = []
     for shard in shards:
         table = PairTable(shard)
-        features = encode_images(predictor, shard.rgb, shard.depth_mm)
+        features = predictor.encode_images(shard.rgb, shard.depth_mm)
         ends = shard.sources.astype(np.intp), shard.targets.astype(np.intp)
-        said = predict_pairs(predictor, features, *ends)
+        said = predictor.predict_rows(features, *ends)
         off = said.waypoints - table.waypoints
         parts.append(
             (
@@ -60,12 +60,12 @@ def predict_labelled_pairs(predictor: Predictor, shards: Sequence[Shard]) -> Pai
     return PairPredictions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def predict_drive_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> DrivePredictions:
+def predict_drive_pairs(predictor: NetworkPredictor, drives: Sequence[LabelledDrive]) -> DrivePredictions:
     """Ask about all near and all far ordered pairs of drives, each pair by itself."""
     near = []
     far = []
     for drive in drives:
-        features = encode_images(predictor, drive.rgb, drive.depth_mm)
-        near.append(predict_pairs(predictor, features, *np.nonzero(drive.near)).reachability)
-        far.append(predict_pairs(predictor, features, *np.nonzero(drive.far)).reachability)
+        features = predictor.encode_images(drive.rgb, drive.depth_mm)
+        near.append(predictor.predict_rows(features, *np.nonzero(drive.near)).reachability)
+        far.append(predictor.predict_rows(features, *np.nonzero(drive.far)).reachability)
     return DrivePredictions(np.concatenate(near), np.concatenate(far))

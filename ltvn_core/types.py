@@ -142,6 +142,8 @@ class HeldFeatures(NamedTuple):
     """Short keys (M, K), by which the predictor selects the images to read."""
     rows: NDArray[np.intp]
     """Indices (N,) of the N images among the M."""
+    stamps: NDArray[np.int64] | None = None
+    """Numbers (M,) above 0, equal only for equal features, by which a predictor may keep a copy; None if unknown."""
 
 
 class Renderer(Protocol):

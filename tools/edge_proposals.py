@@ -20,16 +20,27 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable
-from ltvn_core.network.pair_evaluation import predict_pairs
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.network.training_data.shards import label_image_pairs
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.oracle_predictor import is_drivable
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
+from ltvn_core.types import (
+    CONTROL_STEP_S,
+    Features,
+    FrameId,
+    Observation,
+    Pose,
+    Prediction,
+    Predictor,
+    Renderer,
+    Waypoint,
+)
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene import Scene
+
+_PAIRS_AT_ONCE = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +92,7 @@ def predict_drive(
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
     )
-    predicted = predict_pairs(predictor, keyframes.features(range(images)), first, second)
+    predicted = _predict_pairs(predictor, keyframes.features(range(images)), first, second)
     square = (images, images)
     return PredictedDrive(
         scene=scene,
@@ -95,6 +106,15 @@ def predict_drive(
         predicted=Prediction(predicted.reachability.reshape(square), predicted.waypoints.reshape(*square, 3)),
         spec=spec,
     )
+
+
+def _predict_pairs(
+    predictor: Predictor, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]
+) -> Prediction:
+    """Compare pairs of rows (P,) of features, in batches of bounded memory."""
+    parts = [slice(first, first + _PAIRS_AT_ONCE) for first in range(0, len(sources), _PAIRS_AT_ONCE)]
+    found = [predictor.predict(features[sources[part]], features[targets[part]]) for part in parts]
+    return Prediction(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Observation:

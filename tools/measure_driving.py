@@ -9,7 +9,7 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,14 +21,15 @@ from tqdm import tqdm
 
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.config import Method, preset
+from ltvn_core.errors import WeightsError
 from ltvn_core.evaluation.edge_driver import EdgeDriver, EdgeProposal, MeasuredAttempt
 from ltvn_core.geometry import distance
 from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
-from ltvn_core.network.metrics import SuccessRate, calibration_table, error_table
+from ltvn_core.network.metrics import ErrorBin, SuccessRate, calibration_table, in_bins, or_none, quantile
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.pose_sampling import sample_drive_poses
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
-from ltvn_core.network.weights_file import add_to_card
+from ltvn_core.network.weights_file import card_path, read_card, weights_fingerprint
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.geometric import DRIVING_FILE
 from ltvn_core.predictors.opening import open_predictor, simulated_robot
@@ -168,6 +169,22 @@ def summarise_measurements(scenes: Sequence[SceneFigures], command: str) -> Driv
     )
 
 
+def error_table(
+    edges: Sequence[float], quantity: NDArray[np.float64], error_m: NDArray[np.float64]
+) -> tuple[ErrorBin, ...]:
+    """Return position errors (N,) in bins of a quantity (N,) between `edges`; values outside are left out."""
+    return tuple(
+        ErrorBin(
+            low=low,
+            high=high,
+            pairs=int(inside.sum()),
+            position_median_m=or_none(quantile(error_m[inside], 0.5)),
+            position_p90_m=or_none(quantile(error_m[inside], 0.9)),
+        )
+        for low, high, inside in in_bins(edges, quantity)
+    )
+
+
 def _rate(successes: NDArray[np.bool_]) -> SuccessRate:
     return SuccessRate.of(int(successes.sum()), len(successes))
 
@@ -184,6 +201,23 @@ def write_driving(measured: DrivingMeasurements, predictor: str, weights: Path) 
     with atomic_replacement(DRIVING_FILE) as part:
         part.write_text(json.dumps({DRIVING_SECTION: asdict(measured)}, indent=2) + "\n", encoding="utf-8")
     return DRIVING_FILE
+
+
+def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
+    """Write one section of the card of weights, keep the others, and return the path of the card.
+
+    Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
+    """
+    fingerprint = weights_fingerprint(path)
+    card, target = read_card(path), card_path(path)
+    if card.setdefault("fingerprint", fingerprint) != fingerprint:
+        raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
+    try:
+        with atomic_replacement(target) as part:
+            part.write_text(json.dumps({**card, section: content}, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise WeightsError(f"{target}: the card could not be written ({error}); free some space.") from error
+    return target
 
 
 def main() -> int:

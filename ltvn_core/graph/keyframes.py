@@ -9,6 +9,7 @@ import tempfile
 import weakref
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Sequence
+from itertools import count
 from typing import IO
 
 import numpy as np
@@ -25,6 +26,7 @@ MOST_IN_MEMORY = 2**27
 """Size in bytes above which the rows are memory-mapped from a file, so that only the pages in use need memory. An image
 takes 23 kB."""
 _FIRST_ROWS = 64
+_STAMPS = count(1)  # One for each feature row ever stored, in any map.
 
 
 class FeatureRows:
@@ -50,7 +52,6 @@ class FeatureRows:
 
     def _grow(self) -> None:
         """Double the capacity, so that the total cost of growing is linear."""
-        count = 2 * len(self.array)
         if self.array.dtype.hasobject or 2 * self.array.nbytes <= MOST_IN_MEMORY:
             self.array = np.concatenate([self.array, np.empty_like(self.array)])
             return
@@ -59,7 +60,7 @@ class FeatureRows:
             weakref.finalize(self, self._file.close)
             self._file.write(self.array.tobytes())
         self._file.truncate(2 * self.array.nbytes)
-        shape = (count, *self.array.shape[1:])
+        shape = (2 * len(self.array), *self.array.shape[1:])
         self.array = np.asarray(np.memmap(self._file, self.array.dtype, "r", shape=shape))
 
 
@@ -81,6 +82,7 @@ class KeyframeStore:
         self._resumed: list[FrameId] = []
         self._features: FeatureRows | None = None
         self._keys: FeatureRows | None = None
+        self._stamps = FeatureRows(np.array(0))
         self._asked: tuple[tuple[FrameId, ...], NDArray[np.intp]] | None = None
         """The frames of the last call of `held`, and their rows; None after a change."""
         self.corrections: list[Correction] = []
@@ -194,7 +196,7 @@ class KeyframeStore:
             if rows.min(initial=0) < 0:
                 return None
             self._asked = frames, rows
-        return HeldFeatures(self._features.array, self._keys.array, self._asked[1])
+        return HeldFeatures(self._features.array, self._keys.array, self._asked[1], self._stamps.array.view(np.int64))
 
     def temporal_neighbours(self, frame: FrameId, gap: float) -> tuple[FrameId, ...]:
         """Return the frames just before and after, if odometry puts them within d < gap."""
@@ -226,6 +228,7 @@ class KeyframeStore:
         place = self._free.pop() if self._free else len(self._rows)
         self._features = self._features or FeatureRows(row)
         self._features.put(place, row)
+        self._stamps.put(place, np.array(next(_STAMPS)))
         if key is not None:
             self._keys = self._keys or FeatureRows(key)
             self._keys.put(place, key)

@@ -86,7 +86,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
         """Return rough logits (N,) of one source row (1, F) with images given by their keys (N, K)."""
         raise NotImplementedError
 
-    def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
+    def likeness(self, source: Tensor, features: Features | Tensor, rows: NDArray[np.intp]) -> Tensor:
         """Return a cheap similarity (N,) of one source row (1, F) with the given rows (N,) of features (M, F)."""
         raise NotImplementedError
 

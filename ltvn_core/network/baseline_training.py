@@ -1,8 +1,7 @@
 """Baselines: the training plans, the evaluation and the model card of their networks.
 
 A baseline learns from time alone, so it must not use poses or maps. Its training plans are those of our network without
-hard-negative mining, and no pair within one scene counts as far because of its poses. `ltvn_core.network.weights_file`
-writes the card.
+hard-negative mining, and no pair within one scene counts as far because of its poses.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,8 +17,8 @@ from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingPlan
 from ltvn_core.network.pair_evaluation import compare_labelled
+from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import FarCriterion, SceneExamples
-from ltvn_core.types import Predictor
 
 _ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)
 """Limits larger than any scene, so that only pairs of different scenes are far."""
@@ -102,8 +101,8 @@ class BaselineCard:
     """Metrics of the new weights."""
 
 
-def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
-    """Evaluate a predictor on all labelled pairs of scenes."""
+def evaluate_baseline(predictor: NetworkPredictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
+    """Evaluate a network on all labelled pairs of scenes."""
     parts = [compare_labelled(predictor, scene, np.arange(len(scene.sources))) for scene in scenes]
     scores, waypoints, reachable, true = (np.concatenate(column) for column in zip(*parts, strict=True))
     found = asdict(pair_metrics(scores, waypoints, reachable, true))

@@ -1,8 +1,9 @@
-"""Chooses the device of a network (graphics card or CPU), logs it once, and moves arrays to it."""
+"""Chooses the device of a network (graphics card or CPU), logs it once, and moves and keeps arrays there."""
 
 import logging
 import os
 from functools import cache
+from threading import Lock
 
 import numpy as np
 import torch
@@ -38,9 +39,42 @@ def device_of(network: nn.Module) -> torch.device:
     return next(network.parameters()).device
 
 
-def to_tensor(array: NDArray[np.generic], device: torch.device = CPU) -> Tensor:
+def to_tensor(array: NDArray[np.generic] | Tensor, device: torch.device = CPU) -> Tensor:
     """Return an array as a tensor on a device; on the CPU they share memory."""
-    return torch.from_numpy(np.ascontiguousarray(array)).to(device)
+    return array if isinstance(array, Tensor) else torch.from_numpy(np.ascontiguousarray(array)).to(device)
+
+
+def has_room(device: torch.device, size: int) -> bool:
+    """Return whether `size` bytes fill at most half of what a graphics card has free; true on other devices."""
+    return device.type != "cuda" or size <= torch.cuda.mem_get_info(device)[0] / 2
+
+
+class RowsOnDevice:
+    """A copy of rows of an array on a device; each row is copied when it is first asked for, and after a change."""
+
+    def __init__(self, device: torch.device) -> None:
+        self.copied = 0
+        """Number of rows copied so far."""
+        self._device = device
+        self._rows = torch.empty(0)
+        self._stamps = np.empty(0, np.int64)
+        self._lock = Lock()
+
+    @torch.inference_mode()
+    def take(self, array: NDArray[np.generic], stamps: NDArray[np.int64], rows: NDArray[np.intp]) -> Tensor | None:
+        """Return rows (N,) of an array (M, F), None if it is too large; equal stamps (M,) above 0 mean equal rows."""
+        with self._lock:
+            if len(self._stamps) < len(array):
+                if not has_room(self._device, array.nbytes):
+                    return None
+                self._rows = torch.empty(array.shape, dtype=to_tensor(array[:0]).dtype, device=self._device)
+                self._stamps = np.zeros(len(array), np.int64)  # All are copied again; arrays grow by doubling.
+            missing = rows[self._stamps[rows] != stamps[rows]]
+            if len(missing):
+                self._rows[to_tensor(missing, self._device)] = to_tensor(array[missing], self._device)
+                self._stamps[missing] = stamps[missing]
+                self.copied += len(missing)
+            return self._rows[to_tensor(rows, self._device)]
 
 
 def limit_threads() -> None:

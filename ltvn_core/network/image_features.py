@@ -1,7 +1,5 @@
 """The features of images, and their conversion to one row of numbers per image and back.
 
-Defines the layout of the feature rows of `PairNetwork`, and the functions for the rows of every network.
-
 The prefilter is a cheap score of one source with many targets, from a few of their tokens: it estimates how much of the
 source appears in a target, without geometry.
 """
@@ -126,7 +124,9 @@ def may_match(logits: Tensor, likeness: Tensor) -> Tensor:
     return likeness + _PLACE_SHARE * logits >= SCREENING_CUT
 
 
-def coarse_descriptors(features: Features, rows: NDArray[np.intp], size: PairArchitecture) -> Features:
+def coarse_descriptors(
+    features: Features | Tensor, rows: NDArray[np.intp], size: PairArchitecture
+) -> Features | Tensor:
     """Return the descriptors (N, M, D) of a quarter of the tokens, for the given rows (N,) of features (H, F)."""
     descriptors = features[:, : size.token_count * size.descriptor]  # They come first in a row.
     grid = descriptors.reshape(len(features), *size.grid, size.descriptor)

@@ -154,7 +154,7 @@ def calibration_table(
 ) -> tuple[CalibrationBin, ...]:
     """Return the calibration of predictions (N,) in [0, 1] against truth (N,) in bins of equal width."""
     edges = np.linspace(0, 1, bins + 1).tolist()
-    rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in _inside(edges, reachability)]
+    rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in in_bins(edges, reachability)]
     return tuple(
         CalibrationBin(
             low=low,
@@ -167,23 +167,7 @@ def calibration_table(
     )
 
 
-def error_table(
-    edges: Sequence[float], quantity: NDArray[np.float64], error_m: NDArray[np.float64]
-) -> tuple[ErrorBin, ...]:
-    """Return position errors (N,) in bins of a quantity (N,) between `edges`; values outside are left out."""
-    return tuple(
-        ErrorBin(
-            low=low,
-            high=high,
-            pairs=int(inside.sum()),
-            position_median_m=or_none(quantile(error_m[inside], 0.5)),
-            position_p90_m=or_none(quantile(error_m[inside], 0.9)),
-        )
-        for low, high, inside in _inside(edges, quantity)
-    )
-
-
-def _inside(edges: Sequence[float], quantity: NDArray[np.float64]) -> list[tuple[float, float, NDArray[np.bool_]]]:
+def in_bins(edges: Sequence[float], quantity: NDArray[np.float64]) -> list[tuple[float, float, NDArray[np.bool_]]]:
     """Return the borders of each bin and the mask (N,) of the values in it."""
     last = edges[-1]
     return [

@@ -1,7 +1,6 @@
 """The model card of trained weights: training data, settings, metrics, size and speed.
 
-Owns the measurement of size and speed on this machine. `ltvn_core.network.weights_file` writes the card beside the
-weights.
+`ltvn_core.network.weights_file` writes the card beside the weights.
 """
 
 from collections.abc import Sequence
@@ -15,7 +14,6 @@ from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.driving_calibration import DrivingMeasurements
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics
 from ltvn_core.network.optimization.training_loop import TrainingPlan
-from ltvn_core.network.pair_evaluation import encode_images
 from ltvn_core.network.predictor import NetworkPredictor
 
 _FARTHEST_MM = 5000
@@ -39,8 +37,8 @@ def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) ->
     rng = np.random.default_rng(0)
     shape = (images, NETWORK_CAMERA.height, NETWORK_CAMERA.width)
     rgb, depth_mm = rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, _FARTHEST_MM, shape, np.uint16)
-    features = encode_images(predictor, rgb, depth_mm)
-    encode_s = min(repeat(lambda: encode_images(predictor, rgb, depth_mm), number=1, repeat=repeats))
+    features = predictor.encode_images(rgb, depth_mm)
+    encode_s = min(repeat(lambda: predictor.encode_images(rgb, depth_mm), number=1, repeat=repeats))
     pair_s = min(repeat(lambda: predictor.predict(features, features[::-1]), number=1, repeat=repeats))
     parameters = sum(each.numel() for each in network.parameters())
     return InferenceSpeed(parameters, 1e3 * encode_s / images, 1e3 * pair_s / images)
@@ -94,5 +92,4 @@ class ModelCard:
     """Size of the network, and its inference times on the machine that trained it."""
     measured: HeldOutMetrics
     driving: DrivingMeasurements | None = None
-    """Driving measurements, the source of the constants of Eq. 3 and Eq. 4; None if they were not
-    measured."""
+    """Driving measurements, the source of the constants of Eq. 3 and Eq. 4; None if not measured."""

@@ -3,10 +3,9 @@
 A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line in `_FAMILIES`.
 
 The pair network is the default. The stacked network is for comparison: a residual network over both images, stacked
-along the channels. Its feature rows are the images themselves, so every pair costs a full forward pass. It has neither
-token matches nor a cheap score, and is trained with Eq. 1 alone. Ensemble and contrastive networks add output layers to
-a trained pair network and leave its weights frozen, so a navigation system with labels or a loss of its own needs only
-a few kilobytes and keeps the same pose estimates. `ltvn_core.network.weights_file` stores only the added layers.
+along the channels. Its feature rows are the images themselves, so every pair costs a full forward pass. It is trained
+with Eq. 1 alone. Ensemble and contrastive networks add output layers to a trained pair network and leave its weights
+frozen, so their files are small and the pose estimates stay the same.
 """
 
 from collections.abc import Callable, Mapping
@@ -95,7 +94,7 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         """Return the place logits (N,) of one source row (1, F) with place keys (N, P)."""
         return self.place_logits(source[:, place_columns(self.size)[0]].float(), keys)[0]
 
-    def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
+    def likeness(self, source: Tensor, features: Features | Tensor, rows: NDArray[np.intp]) -> Tensor:
         """Return the similarity (N,) of a source row (1, F) with rows (N,) of features (M, F), from some tokens."""
         targets = to_tensor(coarse_descriptors(features, rows, self.size), source.device).float()
         return similarity(self.unpack(source), targets, self.head.sharpness)

@@ -1,4 +1,4 @@
-"""Evaluates a predictor on labelled pairs and on drives, for validation during training and for reports.
+"""Evaluates a network on labelled pairs and on drives, for validation during training and for reports.
 
 `ltvn_core.network.metrics` defines the metrics.
 """
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative
 from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
+from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
-from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor, Waypoint
-
-_PAIRS_AT_ONCE = 8192
+from ltvn_core.types import Pose, Waypoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +36,7 @@ class LabelledDrive:
 
 
 def evaluate_pairs(
-    predictor: Predictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
+    predictor: NetworkPredictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
 ) -> PairMetrics:
     """Evaluate a predictor on labelled pairs; with `limit`, on a random sample of that size from each scene."""
     parts = []
@@ -50,19 +49,19 @@ def evaluate_pairs(
 
 
 def compare_labelled(
-    predictor: Predictor, scene: SceneExamples, pairs: NDArray[np.intp]
+    predictor: NetworkPredictor, scene: SceneExamples, pairs: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], Waypoint, NDArray[np.bool_], Waypoint]:
     """Return reachability and waypoint as predicted, and then as labelled, of some labelled pairs of a scene."""
     i, j = scene.sources[pairs], scene.targets[pairs]
     used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
-    features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
-    found = predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :])
+    features = predictor.encode_images(scene.rgb[used], scene.depth_mm[used])
+    found = predictor.predict_rows(features, rows[: len(i)], rows[len(i) :])
     true = relative(scene.poses[i], scene.poses[j])
     return found.reachability, found.waypoints, scene.reachable[pairs], true
 
 
 def evaluate_drives(
-    predictor: Predictor, drives: Sequence[LabelledDrive], rng: np.random.Generator, *, limit: int | None = None
+    predictor: NetworkPredictor, drives: Sequence[LabelledDrive], rng: np.random.Generator, *, limit: int | None = None
 ) -> DriveMetrics:
     """Evaluate a predictor on the near and far ordered pairs of drives.
 
@@ -71,48 +70,24 @@ def evaluate_drives(
     near = []
     far = []
     for drive in drives:
-        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        features = predictor.encode_images(drive.rgb, drive.depth_mm)
         for mask, scores in ((drive.near, near), (drive.far, far)):
             pairs = np.argwhere(mask)
             if limit is not None and len(pairs) > limit:
                 pairs = pairs[np.sort(rng.choice(len(pairs), limit, replace=False))]
-            scores.append(predict_pairs(predictor, features, *pairs.T).reachability)
+            scores.append(predictor.predict_rows(features, *pairs.T).reachability)
     return drive_metrics(np.concatenate(near), np.concatenate(far))
 
 
-def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> tuple[PairMetrics, DriveMetrics]:
+def evaluate_all_pairs(
+    predictor: NetworkPredictor, drives: Sequence[LabelledDrive]
+) -> tuple[PairMetrics, DriveMetrics]:
     """Evaluate a predictor on all ordered image pairs of drives, and on the near and far ones among them."""
     parts = []
     for drive in drives:
-        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        features = predictor.encode_images(drive.rgb, drive.depth_mm)
         i, j = np.nonzero(~np.eye(len(features), dtype=bool))
         labels = drive.reachable[i, j], relative(drive.poses[i], drive.poses[j]), drive.near[i, j], drive.far[i, j]
-        parts.append((*predict_pairs(predictor, features, i, j), *labels))
+        parts.append((*predictor.predict_rows(features, i, j), *labels))
     *compared, near, far = (np.concatenate(column) for column in zip(*parts, strict=True))
     return pair_metrics(*compared), drive_metrics(compared[0][near], compared[0][far])
-
-
-def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:
-    """Encode images (N, H, W, 3) with depth in millimetres (N, H, W)."""
-    nowhere: Pose = np.zeros(3)
-    parts = []
-    for first in range(0, len(rgb), 256):
-        rows = range(first, min(first + 256, len(rgb)))
-        metres = depth_mm[first : first + 256] / np.float32(1000)
-        parts.append(
-            predictor.encode(
-                [Observation(rgb=rgb[k], depth=metres[k - first], odometry=nowhere, stamp=0.0, step=k) for k in rows]
-            )
-        )
-    return np.concatenate(parts)
-
-
-def predict_pairs(
-    predictor: Predictor, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]
-) -> Prediction:
-    """Compare pairs of rows (P,) of features, in batches of bounded memory."""
-    parts = [Prediction(np.empty(0), np.empty((0, 3)))]
-    for first in range(0, len(sources), _PAIRS_AT_ONCE):
-        rows = slice(first, first + _PAIRS_AT_ONCE)
-        parts.append(predictor.predict(features[sources[rows]], features[targets[rows]]))
-    return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -2,12 +2,12 @@
 
 Adds batching, checks of the input, and the prefilter for one source with many targets. Implements `types.Predictor`.
 
-For a few pairs the number of operations determines the time, and half of it is overhead of Python. So the comparison is
-traced once by TorchScript: the trace runs the same operations in the same order, so its results are bit-identical.
+For a few pairs half of the time is overhead of Python, so the comparison is traced once by TorchScript: the trace runs
+the same operations in the same order, and its results are bit-identical.
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.device import CPU, choose_device, device_of, limit_threads, to_tensor
+from ltvn_core.network.device import CPU, RowsOnDevice, choose_device, device_of, limit_threads, to_tensor
 from ltvn_core.network.driving_calibration import measured_likelihoods
 from ltvn_core.network.image_features import may_match
 from ltvn_core.network.image_features import pack as pack_features
@@ -80,8 +80,9 @@ PLACE_KEEP, _PLACE_SHARE = 2_000, 0.05
 Among 5,100 images of two apartments, the best node for each of 90 images was always among the first 241 by place score.
 """
 
-_IMAGES_AT_ONCE = 64
-_PAIRS_AT_ONCE = 256
+_IMAGES_AT_ONCE, _PAIRS_AT_ONCE = 64, 256
+_IMAGES_ON_CARD, _PAIRS_ON_CARD = 256, 1024
+"""Batches on a graphics card, where up to 256 pairs take as long as one."""
 
 
 class NetworkPredictor:
@@ -94,14 +95,21 @@ class NetworkPredictor:
         *,
         prefilter_from: int | None = PREFILTER_FROM,
         weights: Path | None = None,
+        as_on_card: bool | None = None,
     ) -> None:
         """Use a trained network; `prefilter_from` None compares every pair in full.
 
-        The card beside `weights` has the constants that were measured for it.
+        The card beside `weights` has the constants that were measured for it. `as_on_card` says whether to keep the
+        features of maps on the device and to work in larger batches; None does so except on the CPU.
         """
         self._network = network.eval()
         self._compare = Comparison(network)
         self._device = device_of(network)
+        on_card = self._device.type != "cpu" if as_on_card is None else as_on_card
+        self._images_at_once = _IMAGES_ON_CARD if on_card else _IMAGES_AT_ONCE
+        self._pairs_at_once = _PAIRS_ON_CARD if on_card else _PAIRS_AT_ONCE
+        self.kept = (RowsOnDevice(self._device), RowsOnDevice(self._device)) if on_card else None
+        """Features and keys of maps on the device; None on the CPU."""
         self.fingerprint = fingerprint
         """Fingerprint of the weights."""
         self._prefilter_from = prefilter_from
@@ -134,9 +142,16 @@ class NetworkPredictor:
         Raises ImageError for observations of another size than the camera's, and for observations without depth.
         """
         parts = [np.empty((0, self._network.row_length), np.float16)]
-        for first in range(0, len(observations), _IMAGES_AT_ONCE):
-            parts.append(self._encode(observations[first : first + _IMAGES_AT_ONCE]))
+        for first in range(0, len(observations), self._images_at_once):
+            batch = [_checked(each) for each in observations[first : first + self._images_at_once]]
+            depth = np.stack([each.require_depth("the network") for each in batch])
+            parts.append(self._encode(np.stack([each.rgb for each in batch]), depth))
         return np.concatenate(parts)
+
+    def encode_images(self, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:
+        """Return (N, F) float16 features of images (N, H, W, 3) with depth in millimetres (N, H, W)."""
+        parts = [slice(first, first + self._images_at_once) for first in range(0, len(rgb), self._images_at_once)]
+        return np.concatenate([self._encode(rgb[part], depth_mm[part] / np.float32(1000)) for part in parts])
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F).
@@ -158,10 +173,18 @@ class NetworkPredictor:
 
     def predict_among(self, source: Features, held: HeldFeatures) -> Prediction:
         """Compare a source (1, F) with N stored images, as `predict` does; few of their features are read."""
-        if not self._is_filtered(len(held.rows)):
-            return self.predict(source, held.features[held.rows])
         self._check(source, held.features)
-        return self._predict_filtered(source, held)
+        if self._is_filtered(len(held.rows)):
+            return self._predict_filtered(source, held)
+        features, rows = self._features(held, held.rows)
+        return self._predict(source, features[rows])
+
+    @torch.inference_mode()
+    def predict_rows(self, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Prediction:
+        """Compare pairs of rows (P,) and (P,) of features (N, F), which are moved to the device only once."""
+        rows, first, second = (self._tensor(each) for each in (features, sources, targets))
+        take = rows.index_select
+        return self._in_batches(len(sources), lambda part: (take(0, first[part]), take(0, second[part])))
 
     def may_match(self, source: Features, targets: Features) -> NDArray[np.bool_]:
         """Return which targets (N, F) may have anything in common with a source (1, F), as a mask (N,)."""
@@ -176,22 +199,22 @@ class NetworkPredictor:
             return may_match(logits, likeness).cpu().numpy()
 
     @torch.inference_mode()
-    def _encode(self, observations: Sequence[Observation]) -> NDArray[np.float16]:
-        rgb, depth = images_to_tensors(
-            np.stack([_checked(each).rgb for each in observations]),
-            np.stack([each.require_depth("the network") for each in observations]),
-            self._device,
-        )
-        return pack_features(self._network.encode(rgb, depth)).cpu().numpy()
+    def _encode(self, rgb: NDArray[np.uint8], depth_m: NDArray[np.floating]) -> NDArray[np.float16]:
+        return pack_features(self._network.encode(*images_to_tensors(rgb, depth_m, self._device))).cpu().numpy()
 
     @torch.inference_mode()
-    def _predict(self, sources: Features, targets: Features) -> Prediction:
+    def _predict(self, sources: Features, targets: Features | Tensor) -> Prediction:
+        def take(part: slice) -> tuple[Tensor, Tensor]:
+            return self._tensor(sources if len(sources) == 1 else sources[part]), self._tensor(targets[part])
+
+        return self._in_batches(len(targets), take)
+
+    def _in_batches(self, count: int, take: Callable[[slice], tuple[Tensor, Tensor]]) -> Prediction:
+        """Compare `count` pairs; `take` returns the sources and targets of a part of them."""
         reachability = [np.empty(0)]
         waypoints = [np.empty((0, 3))]
-        for first in range(0, len(targets), _PAIRS_AT_ONCE):
-            part = slice(first, first + _PAIRS_AT_ONCE)
-            rows = sources if len(sources) == 1 else sources[part]
-            found, pose = self._compare(self._tensor(rows), self._tensor(targets[part]))
+        for first in range(0, count, self._pairs_at_once):
+            found, pose = self._compare(*take(slice(first, first + self._pairs_at_once)))
             reachability.append(found.cpu().double().numpy())
             waypoints.append(pose_to_waypoints(pose))
         return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
@@ -202,21 +225,31 @@ class NetworkPredictor:
     @torch.inference_mode()
     def _predict_filtered(self, source: Features, held: HeldFeatures) -> Prediction:
         row = self._tensor(source)
-        logits = self._network.place_scores(row, self._tensor(held.keys[held.rows]))
+        keys = (
+            None if self.kept is None or held.stamps is None else self.kept[1].take(held.keys, held.stamps, held.rows)
+        )
+        logits = self._network.place_scores(row, self._tensor(held.keys[held.rows] if keys is None else keys))
         near = np.arange(len(held.rows))
         keep = max(PLACE_KEEP, int(_PLACE_SHARE * len(near)))
         if len(near) > keep:
             near = np.sort(logits.topk(keep).indices.cpu().numpy())
-        likeness = self._network.likeness(row, held.features, held.rows[near])
+        features, rows = self._features(held, held.rows[near])
+        likeness = self._network.likeness(row, features, rows)
         # Sorted, so that equal inputs give equal batches and therefore bit-identical results.
-        best = near[np.sort(likeness.topk(PREFILTER_KEEP).indices.cpu().numpy())]
-        full = self._predict(source, held.features[held.rows[best]])
+        chosen = np.sort(likeness.topk(PREFILTER_KEEP).indices.cpu().numpy())
+        full = self._predict(source, features[rows[chosen]])
+        best = near[chosen]
         reachability = np.minimum(torch.sigmoid(logits).cpu().double().numpy(), full.reachability.min())
         waypoints = np.zeros((len(held.rows), 3))
         reachability[best], waypoints[best] = full
         return Prediction(reachability, waypoints)
 
-    def _tensor(self, rows: Features) -> Tensor:
+    def _features(self, held: HeldFeatures, rows: NDArray[np.intp]) -> tuple[Features | Tensor, NDArray[np.intp]]:
+        """Return features and the indices of the given rows (N,) in them; on a card, a copy there of just these."""
+        kept = None if self.kept is None or held.stamps is None else self.kept[0].take(held.features, held.stamps, rows)
+        return (held.features, rows) if kept is None else (kept, np.arange(len(rows)))
+
+    def _tensor(self, rows: NDArray[np.generic] | Tensor) -> Tensor:
         return to_tensor(rows, self._device)
 
     def _check(self, sources: Features, targets: Features) -> None:

@@ -68,10 +68,8 @@ class FarCriterion:
 class TrainingBatch(NamedTuple):
     """B images and P pairs of them."""
 
-    rgb: NDArray[np.uint8]
-    """(B, H, W, 3) colours."""
-    depth_mm: NDArray[np.uint16]
-    """(B, H, W) depth in millimetres; 0 where missing."""
+    images: Sequence[tuple[int, NDArray[np.intp]]]
+    """Number of a scene in the sampler's `image_scenes`, and rows of its images; B rows in all."""
     poses: Pose
     """(B, 3) poses, each in its scene's frame."""
     scene: NDArray[np.intp]
@@ -101,6 +99,8 @@ class BatchSampler:
 
     def __init__(self, scenes: Sequence[SceneExamples], *, evened: bool = True) -> None:
         self.scenes = scenes
+        self.image_scenes = scenes
+        """Where the images of batches are from."""
         within = [scene.group[scene.sources] == scene.group[scene.targets] for scene in scenes]
         self._pairs = [_pairs_by_group(scene, mask) for scene, mask in zip(scenes, within, strict=True)]
         self._cross_cluster_pairs = [_pairs_by_group(scene, ~mask) for scene, mask in zip(scenes, within, strict=True)]
@@ -109,12 +109,7 @@ class BatchSampler:
         self._weights = _pair_weights(scenes, within) if evened else alike
 
     def draw(
-        self,
-        rng: np.random.Generator,
-        *,
-        groups: int,
-        pairs_per_group: int,
-        confusions: Sequence[HardNegative] = (),
+        self, rng: np.random.Generator, *, groups: int, pairs_per_group: int, confusions: Sequence[HardNegative] = ()
     ) -> TrainingBatch:
         """Draw about `groups` clusters, and the given number of labelled pairs from each, balanced over distance.
 
@@ -156,12 +151,12 @@ class BatchSampler:
             drawn = _weighted_sample(rng, self._pairs[scene][group], self._weights[scene], pairs_per_group)
             pairs.extend(self._labelled(scene, int(k)) for k in drawn)
         pairs.extend(across)
-        keys = list(rows)
+        numbers, drawn = np.array(list(rows), np.intp).T
+        images = [(int(scene), drawn[numbers == scene]) for scene in np.unique(numbers)]
         return TrainingBatch(
-            rgb=np.stack([self.scenes[scene].rgb[image] for scene, image in keys]),
-            depth_mm=np.stack([self.scenes[scene].depth_mm[image] for scene, image in keys]),
-            poses=np.stack([self.scenes[scene].poses[image] for scene, image in keys]),
-            scene=np.array([scene for scene, _ in keys], np.intp),
+            images=images,
+            poses=np.concatenate([self.scenes[scene].poses[part] for scene, part in images]),
+            scene=numbers,
             sources=np.array([rows[scene, source] for scene, source, _, _ in pairs], np.intp),
             targets=np.array([rows[scene, target] for scene, _, target, _ in pairs], np.intp),
             reachable=np.array([reachable for *_, reachable in pairs], bool),
@@ -219,6 +214,7 @@ class MixedBatchSampler(BatchSampler):
     ) -> None:
         super().__init__(scenes, evened=evened)
         self.drive = drive
+        self.image_scenes = [*scenes, drive]
         self.far = far
         self.reach = int(np.abs(drive.targets - drive.sources).max(initial=1))
         # The labelled pair (N, 2 reach + 1) from each image to those up to `reach` before or after it, or -1.
@@ -234,12 +230,7 @@ class MixedBatchSampler(BatchSampler):
         return len(self.scenes)
 
     def draw(
-        self,
-        rng: np.random.Generator,
-        *,
-        groups: int,
-        pairs_per_group: int,
-        confusions: Sequence[HardNegative] = (),
+        self, rng: np.random.Generator, *, groups: int, pairs_per_group: int, confusions: Sequence[HardNegative] = ()
     ) -> TrainingBatch:
         """Draw half of the groups from the drive and half from simulation, and add hard negatives of both."""
         own = [each for each in confusions if each.scene == self.drive_number]
@@ -262,8 +253,7 @@ class MixedBatchSampler(BatchSampler):
         sources = np.concatenate([self.drive.sources[pairs], ends[0::2]]).astype(np.intp)
         targets = np.concatenate([self.drive.targets[pairs], ends[1::2]]).astype(np.intp)
         return TrainingBatch(
-            rgb=self.drive.rgb[rows],
-            depth_mm=self.drive.depth_mm[rows],
+            images=[(self.drive_number, rows)],
             poses=self.drive.poses[rows],
             # Each section is a scene of its own, because only within one is odometry good enough to match surfaces.
             scene=self.drive_number + segment,
@@ -290,13 +280,12 @@ class MixedBatchSampler(BatchSampler):
 
 def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: TrainingBatch) -> TrainingBatch:
     """Return both batches as one; images of different scenes are certainly apart."""
-    count = len(simulated.rgb)
-    apart = np.ones((count + len(own.rgb),) * 2, bool)
+    count = len(simulated.poses)
+    apart = np.ones((count + len(own.poses),) * 2, bool)
     apart[:count, :count] = simulated_apart
     apart[count:, count:] = own.apart
     return TrainingBatch(
-        rgb=np.concatenate([simulated.rgb, own.rgb]),
-        depth_mm=np.concatenate([simulated.depth_mm, own.depth_mm]),
+        images=[*simulated.images, *own.images],
         poses=np.concatenate([simulated.poses, own.poses]),
         scene=np.concatenate([simulated.scene, own.scene]),
         sources=np.concatenate([simulated.sources, own.sources + count]),

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ltvn_core.atomic_files import atomic_replacement, file_aside
+from ltvn_core.atomic_files import file_aside
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.structured_text import parse_json
@@ -156,26 +156,6 @@ def matching_card(path: Path) -> dict[str, Any]:
     """Return the card of weights, empty if the card beside them belongs to other weights. Raises WeightsError."""
     card = read_card(path)
     return card if path.is_file() and card.get("fingerprint") == weights_fingerprint(path) else {}
-
-
-def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
-    """Write one section of the card of weights, keep the others, and return the path of the card.
-
-    Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
-    """
-    if not path.is_file():
-        raise WeightsError(_no_weights(path))
-    card = read_card(path)
-    fingerprint = weights_fingerprint(path)
-    target = card_path(path)
-    if card.setdefault("fingerprint", fingerprint) != fingerprint:
-        raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
-    try:
-        with atomic_replacement(target) as part:
-            _write_card(part, {**card, section: content})
-    except OSError as error:
-        raise WeightsError(f"{target}: the card could not be written ({error}); free some space.") from error
-    return target
 
 
 def _write_card(path: Path, card: Mapping[str, Any]) -> None:

@@ -1,5 +1,4 @@
-"""Fine-tuning, and the data on which networks are trained and evaluated.
+"""Fine-tuning, and the data on which networks are trained and evaluated, for the verbs, the page and the evaluation.
 
-Connects simulation, recordings and network for the verbs, the page and the evaluation. The learning itself is in
-`ltvn_core.network`.
+The learning itself is in `ltvn_core.network`.
 """

@@ -1,7 +1,6 @@
 """Fine-tuning: adapts trained weights to the environment of a robot, with mining and evaluation between the steps.
 
 Weights are evaluated on the robot's own drive, with labels from odometry instead of ground truth, and in simulation.
-`ltvn_core.network.training_examples` draws the batches, `ltvn_core.network.metrics` defines the metrics.
 """
 
 import hashlib
@@ -24,19 +23,12 @@ from ltvn_core.network.optimization.augmentation import Augmentation
 from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
 from ltvn_core.network.optimization.trainer import Hyperparameters, LearningLoop, Trainer
-from ltvn_core.network.pair_evaluation import (
-    LabelledDrive,
-    encode_images,
-    evaluate_drives,
-    evaluate_pairs,
-    predict_pairs,
-)
+from ltvn_core.network.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.network.training_examples import HardNegative, MixedBatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.structured_text import parse_json
-from ltvn_core.types import Predictor
 
 log = logging.getLogger(__name__)
 
@@ -52,17 +44,17 @@ class TrajectoryMetrics:
 
 
 def evaluate_trajectory(
-    predictor: Predictor, drive: TrajectoryPairs, rng: np.random.Generator, *, near: int, far: int
+    predictor: NetworkPredictor, drive: TrajectoryPairs, rng: np.random.Generator, *, near: int, far: int
 ) -> TrajectoryMetrics:
     """Evaluate a predictor on random near and far pairs of a drive, up to the given numbers."""
-    features = encode_images(predictor, drive.rgb, drive.depth_mm)
+    features = predictor.encode_images(drive.rgb, drive.depth_mm)
     chosen = rng.permutation(len(drive.sources))[:near]
     i = drive.sources[chosen].astype(np.intp)
     j = drive.targets[chosen].astype(np.intp)
-    found = predict_pairs(predictor, features, i, j)
+    found = predictor.predict_rows(features, i, j)
     reachable = drive.reachable[chosen]
     true = relative(drive.poses[i], drive.poses[j])
-    apart = predict_pairs(predictor, features, *_far_pairs(drive, rng, far)).reachability
+    apart = predictor.predict_rows(features, *_far_pairs(drive, rng, far)).reachability
     return TrajectoryMetrics(pair_metrics(*found, reachable, true), drive_metrics(found.reachability[reachable], apart))
 
 

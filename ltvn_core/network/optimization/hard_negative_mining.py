@@ -14,6 +14,9 @@ from ltvn_core.network.image_features import FeaturesT, join
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import FarCriterion, HardNegative, SceneExamples
 
+_COMPARED, _LEAST_REACHABILITY = 1000, 0.03
+"""Number of pairs of a scene that are compared in full, and the least r of those that are kept."""
+
 
 def mine_hard_negatives(
     network: BaseNetwork[FeaturesT],
@@ -24,18 +27,11 @@ def mine_hard_negatives(
     rng: np.random.Generator,
     *,
     images: int = 1000,
-    candidates: int = 1000,
-    above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return the far pairs among some images of a scene that the network predicts as reachable, highest r first.
-
-    Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
-    """
+    """Return the far pairs among some images of a scene that the network predicts as reachable, highest r first."""
     rows = rng.choice(len(scene.poses), min(images, len(scene.poses)), replace=False)
     apart = far.pairs(scene.poses[rows], scene.poses[rows])
-    return hard_negatives_among(
-        network, precision, scene, scene_number, rows, apart, rng, candidates=candidates, above=above
-    )
+    return hard_negatives_among(network, precision, scene, scene_number, rows, apart, rng)
 
 
 @torch.no_grad()
@@ -47,11 +43,11 @@ def hard_negatives_among(
     rows: NDArray[np.intp],
     apart: NDArray[np.bool_],
     rng: np.random.Generator,
-    *,
-    candidates: int = 1000,
-    above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return the pairs marked in `apart` (N, N) that the network predicts as reachable, highest r first."""
+    """Return the pairs marked in `apart` (N, N) that the network predicts as reachable, highest r first.
+
+    Only those with the best rough scores are compared in full; ties are broken at random.
+    """
     parts: list[FeaturesT] = []
     for part in np.array_split(rows, max(len(rows) // 128, 1)):
         rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000), device_of(network))
@@ -60,7 +56,7 @@ def hard_negatives_among(
     scores = network.rough_logits(features)
     scores[to_tensor(~apart, scores.device)] = -torch.inf
     shuffled = to_tensor(rng.permutation(scores.numel()), scores.device)
-    best = shuffled[scores.flatten()[shuffled].topk(min(candidates, int(apart.sum()))).indices]
+    best = shuffled[scores.flatten()[shuffled].topk(min(_COMPARED, int(apart.sum()))).indices]
     sources = best // len(rows)
     targets = best % len(rows)
     logits = torch.cat(
@@ -71,7 +67,7 @@ def hard_negatives_among(
     )
     reachability = network.reachability(logits)
     order = torch.argsort(reachability, descending=True)
-    order = order[reachability[order] > above]
+    order = order[reachability[order] > _LEAST_REACHABILITY]
     return [HardNegative(scene_number, int(rows[sources[k]]), int(rows[targets[k]])) for k in order.tolist()]
 
 

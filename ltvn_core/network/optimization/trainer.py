@@ -1,11 +1,8 @@
 """The trainer: a network, the moving average of its weights and an optimiser, updated by steps, and checkpoints.
 
-Owns the hyperparameters, the forward pass of a step (augments and encodes images, chooses and compares pairs, sums the
-loss), the update, and the loop of steps: training, fine-tuning and the training of rivals are this loop with callbacks
-between the steps. A trainer that starts from trained weights keeps their statistics of batch normalisation.
-
-A checkpoint is a safetensors file, written to a temporary name and then renamed. It contains the state of the trainer
-and the time spent; everything else follows from the plan.
+Training, fine-tuning and the training of rivals are its loop of steps with callbacks between the steps. A trainer that
+starts from trained weights keeps their statistics of batch normalisation. A checkpoint is a safetensors file with the
+state of the trainer and the time spent; everything else follows from the plan.
 """
 
 import json
@@ -30,7 +27,7 @@ from ltvn_core.network.loss import pair_loss
 from ltvn_core.network.network_families import build_network
 from ltvn_core.network.optimization.augmentation import Augmentation, augment, mirror
 from ltvn_core.network.optimization.hard_negative_mining import sample_hardest
-from ltvn_core.network.predictor import images_to_tensors
+from ltvn_core.network.optimization.scene_images import SceneImages
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative, TrainingBatch
 
 
@@ -118,6 +115,7 @@ class Trainer:
         self.pairs = 0
         self.confusions: list[HardNegative] = []
         self._freezes = start is not None
+        self._images: SceneImages | None = None
 
     def step(self, sampler: BatchSampler, progress: float) -> StepLosses:
         """Update the weights with one batch; progress in [0, 1] sets the learning rate."""
@@ -131,7 +129,9 @@ class Trainer:
         if self._freezes:
             freeze_batch_norm(self.network)
         self.optimiser.zero_grad(set_to_none=True)
-        loss, total, pairs = self._losses(batch, rng, generator)
+        if self._images is None or self._images.scenes is not sampler.image_scenes:
+            self._images = SceneImages(sampler.image_scenes, self.device)
+        loss, total, pairs = self._losses(batch, self._images, rng, generator)
         total.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
         self.optimiser.step()
@@ -141,13 +141,12 @@ class Trainer:
         return StepLosses(loss.item(), total.item())
 
     def _losses(
-        self, batch: TrainingBatch, rng: np.random.Generator, generator: torch.Generator
+        self, batch: TrainingBatch, images: SceneImages, rng: np.random.Generator, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, int]:
         """Return the loss of Eq. 1, the total loss with the auxiliary terms, and the number of pairs."""
         plan = self.plan
         scene = to_tensor(batch.scene, self.device)
-        rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000), self.device)
-        rgb, depth = augment(rgb, depth, scene, plan.augmentation, generator)
+        rgb, depth = augment(*images.take(batch.images), scene, plan.augmentation, generator)
         if mirrored := bool(rng.random() < 0.5):
             rgb, depth = mirror(rgb, depth)
         features = self.precision.encode(self.network, rgb, depth)
@@ -286,13 +285,7 @@ class LearningLoop:
     """One training or fine-tuning run; a checkpoint in its folder is resumed."""
 
     def __init__(
-        self,
-        trainer: Trainer,
-        sampler: BatchSampler,
-        folder: Path,
-        *,
-        minutes: float | None,
-        steps: int,
+        self, trainer: Trainer, sampler: BatchSampler, folder: Path, *, minutes: float | None, steps: int
     ) -> None:
         """Learn for `minutes`, or for `steps` if `minutes` is None. Raises WeightsError for an unusable checkpoint."""
         self.trainer = trainer

@@ -6,6 +6,7 @@ Writes `validation.jsonl`, the best weights and, if TensorBoard is installed, cu
 import json
 import logging
 import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -41,8 +42,8 @@ log = logging.getLogger(__name__)
 _SCALARS_EVERY = 20
 """Number of steps between two points of the curves."""
 
-_BEST = "best.json"
-"""Name of the file with the metrics of the best weights so far."""
+_VALIDATING = 0.1
+"""Share of a training by time that validation may have taken for another one to begin before the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,8 @@ class TrainingPlan:
     steps: int = 6000
     """Number of training steps if `minutes` is None."""
     validations: int = 7
-    """Number of validations, evenly spaced over training; the best weights are kept."""
+    """Number of validations, evenly spaced over training; the best weights are kept. With `minutes`, one is left out
+    while those before took more than a tenth of the time."""
     minings: int = 14
     """Number of searches for hard negatives, evenly spaced over training after its first tenth."""
     mined_scenes: int = 4
@@ -161,7 +163,8 @@ def train(
                 "confusions": len(trainer.confusions),
             }
             curves.add(trainer.steps, "training", figures)
-        if _due(before, progress, plan.validations, begin=0.0):
+        late = plan.minutes is not None and validation.seconds > _VALIDATING * loop.elapsed_s
+        if _due(before, progress, plan.validations, begin=0.0) and not late:
             validation.validate(trainer.average, trainer.steps, seconds=loop.elapsed_s)
         elif _due(before, progress, plan.minings, begin=0.1):
             _mine(trainer, data.scenes, plan.mined_scenes)
@@ -234,13 +237,17 @@ class Validation:
         self._folder = folder
         self._curves = curves
         self.weights = folder / "best.safetensors"
-        self.best = _read_best(folder / _BEST)
+        self._log = folder / "validation.jsonl"
+        self.best = _read_best(self._log)
         """Metrics of the best weights so far, including those before an interruption."""
         self.without_improvement = 0
         """Number of consecutive validations without improvement."""
+        self.seconds = 0.0
+        """Time that validation took in this process."""
 
     def validate(self, network: AnyNetwork, steps: int, *, seconds: float) -> None:
         """Evaluate weights after the given steps and seconds, and keep them if they are the best so far."""
+        begin = time.monotonic()
         predictor = NetworkPredictor(network, "in training")
         data, plan = self._data, self._plan
         # The same pairs in every validation, so that scores are comparable.
@@ -250,9 +257,10 @@ class Validation:
             evaluate_pairs(predictor, data.validation, rng, limit=plan.validation_pairs),
             evaluate_drives(predictor, data.drives, rng, limit=plan.validation_far) if data.drives else None,
         )
+        self.seconds += time.monotonic() - begin
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         is_best = self.best is None or found.score > self.best.score
-        self._write(found, seconds, is_best=is_best)
+        self._write(found, seconds)
         self._curves.add(found.steps, "pairs", asdict(found.pairs))
         self._curves.add(found.steps, "drives", asdict(found.drives) if found.drives else {})
         if is_best:
@@ -262,14 +270,12 @@ class Validation:
         else:
             self.without_improvement += 1
 
-    def _write(self, found: ValidationMetrics, seconds: float, *, is_best: bool) -> None:
-        """Append metrics to the log in the folder, and save them separately if they are the best so far."""
+    def _write(self, found: ValidationMetrics, seconds: float) -> None:
+        """Append metrics to the log in the folder."""
         line = json.dumps({"seconds": round(seconds), "score": found.score, **asdict(found)})
         try:
-            with (self._folder / "validation.jsonl").open("a", encoding="utf-8") as file:
+            with self._log.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
-            if is_best:
-                (self._folder / _BEST).write_text(json.dumps(asdict(found)), encoding="utf-8")
         except OSError as error:
             raise WeightsError(
                 f"{self._folder}: metrics could not be written ({error}); free some space and run again to resume from "
@@ -278,10 +284,13 @@ class Validation:
 
 
 def _read_best(path: Path) -> ValidationMetrics | None:
-    """Return the metrics of the best weights of an interrupted training."""
+    """Return the best metrics in the log of an interrupted training."""
     try:
-        found = parse_json(path.read_text(encoding="utf-8"))
+        lines = [parse_json(line) for line in path.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):
         return None
-    drives = DriveMetrics(**found["drives"]) if found["drives"] else None
-    return ValidationMetrics(found["steps"], PairMetrics(**found["pairs"]), drives)
+    best = max(lines, key=lambda line: line["score"], default=None)
+    if best is None:
+        return None
+    drives = DriveMetrics(**best["drives"]) if best["drives"] else None
+    return ValidationMetrics(best["steps"], PairMetrics(**best["pairs"]), drives)

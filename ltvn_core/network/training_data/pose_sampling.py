@@ -1,17 +1,12 @@
 """Samples the poses of training images: clusters of neighbouring poses, pairs across clusters, and whole drives.
 
-A simulated scene is accessed through Protocols for its free space and its renderer.
-
-Each image of a cluster is used in many pairs. The mounting and the field of view of the camera vary between clusters,
-because a network that is trained with a single mounting depends on its exact height and pitch, which no real robot
-keeps. Pairs across clusters are candidates for hard negatives, which a network easily mistakes for neighbours, of four
-kinds: pairs close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and random
-pairs. They are only chosen here; their labels are computed later, and some are reachable. The field `strangers` of
-`DatasetRecipe` counts them: it keeps its old name, because recipes are stored in datasets.
+The mounting and the field of view of the camera vary between clusters, because a network trained with one mounting
+depends on its exact height and pitch. Pairs across clusters are candidates for hard negatives of four kinds: pairs
+close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and random pairs. Their
+labels are computed later, and some are reachable.
 
 Drives have no physics: poses along clear paths between random places, with full turns. All ordered image pairs of a
-drive are classified as near, far or neither, to count false positives. A tour with physics (`scripted_tour`) gives the
-same kind of images and may be used instead.
+drive are classified as near, far or neither, to count false positives.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,6 @@
 """Random walks in simulated scenes: training data for the baselines that learn from time alone (SPTM, ViNG).
 
-Owns the walks and the sampling of image pairs in groups; `ltvn_core.network.training_data.temporal_rules` labels the
-pairs.
+`ltvn_core.network.training_data.temporal_rules` labels the pairs.
 """
 
 import json

@@ -1,8 +1,7 @@
 """The labelled image pairs of one scene (a shard): in memory, as a safetensors file, and how they are generated.
 
-Files are written to a temporary name and then renamed; equal content gives equal bytes. Generation samples clusters of
-poses in a scene, renders their images and labels their pairs; interrupted work continues with the missing scenes.
-Scenes are accessed through the Protocols of `ltvn_core.network.training_data.pose_sampling`.
+Equal content gives equal bytes. Generation samples clusters of poses in a scene, renders their images and labels their
+pairs; interrupted work continues with the missing scenes.
 """
 
 import json

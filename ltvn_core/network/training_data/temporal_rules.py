@@ -1,9 +1,7 @@
 """Labels pairs by the number of steps between their images, as the baselines SPTM and ViNG do.
 
-Both rules work for random walks and for the robot's own drive. A step is from one image of a drive to the next: about
-0.12 m or 10 degrees. A target a few steps *before* its source has no label, because it is unknown whether the robot
-could drive there forwards. At run time each direction of a pair is predicted separately, and an edge back is driven in
-reverse, as in LTVN.
+A step is from one image of a random walk or drive to the next: about 0.12 m or 10 degrees. A target a few steps
+*before* its source has no label, because it is unknown whether the robot could drive there forwards.
 """
 
 from abc import ABC, abstractmethod

@@ -56,10 +56,7 @@ class Trajectory:
 
 
 def select_keyframes(
-    observations: Sequence[Observation],
-    name: str,
-    *,
-    camera: CameraModel | None = None,
+    observations: Sequence[Observation], name: str, *, camera: CameraModel | None = None
 ) -> Trajectory:
     """Select the keyframes of a drive and split it where its odometry jumps.
 

@@ -19,15 +19,16 @@ from ltvn_core.network.driving_calibration import (
     measured_likelihoods,
     read_driving,
 )
-from ltvn_core.network.metrics import SuccessRate, calibration_table, error_table
+from ltvn_core.network.metrics import SuccessRate, calibration_table
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
-from ltvn_core.network.weights_file import add_to_card, card_path, read_card
+from ltvn_core.network.weights_file import card_path, read_card
 from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.simulation import oracle_predictor
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from tests.core.flat_world import FlatPredictor, one_room
+from tools.measure_driving import add_to_card, error_table
 
 COUNTS = st.integers(0, 400).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))
 

@@ -96,12 +96,13 @@ def held(predictor: NetworkPredictor, features: Features) -> HeldFeatures:
     rows = 2 * np.random.default_rng(0).permutation(len(features))
     every, every_key = (np.zeros((2 * len(part), part.shape[1]), part.dtype) for part in (features, keys))
     every[rows], every_key[rows] = features, keys
-    return HeldFeatures(every, every_key, rows)
+    return HeldFeatures(every, every_key, rows, np.arange(1, len(every) + 1))
 
 
+@pytest.mark.parametrize("as_on_card", [False, True])
 @pytest.mark.parametrize("count", [30, 240])
-def test_of_held_features_it_says_the_same_to_the_last_bit(count: int) -> None:
-    predictor = NetworkPredictor(PairNetwork(SMALL), "")
+def test_of_held_features_it_says_the_same_to_the_last_bit(count: int, as_on_card: bool) -> None:
+    predictor = NetworkPredictor(PairNetwork(SMALL), "", as_on_card=as_on_card)
     features = np.tile(predictor.encode(tiny_observations(30)), (8, 1))[:count]
     direct = predictor.predict(features[:1], features)
     among = predictor.predict_among(features[:1], held(predictor, features))

@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import distance
 from ltvn_core.graph.builder import SECOND_PASS_REACHABILITY
-from ltvn_core.network.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
+from ltvn_core.network.pair_evaluation import LabelledDrive, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
@@ -40,7 +40,7 @@ def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> Non
 def compared_in_full() -> tuple[Features, dict[int, Prediction]]:
     """Return the features of a drive, and what some of its images are answered about all."""
     predictor = load_predictor(prefilter_from=None)
-    features = encode_images(predictor, drive().rgb, drive().depth_mm)
+    features = predictor.encode_images(drive().rgb, drive().depth_mm)
     sources = range(0, len(features), 23)
     return features, {source: predictor.predict(features[source : source + 1], features) for source in sources}
 

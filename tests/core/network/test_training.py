@@ -100,6 +100,13 @@ def test_training_goes_on_after_an_interruption_and_ends_with_calibrated_weights
 
 
 @pytest.mark.slow
+def test_validation_waits_while_it_took_more_than_a_tenth_of_the_time(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, SMALL, minutes=0.05, validations=1000, minings=0, validation_pairs=20)
+    train(tiny_data(), plan, tmp_path)
+    assert 1 <= (tmp_path / "validation.jsonl").read_text(encoding="utf-8").count("\n") <= 6
+
+
+@pytest.mark.slow
 def test_metrics_that_cannot_be_written_end_training_and_leave_what_was_kept(tmp_path: Path) -> None:
     plan = TrainingPlan(PLAN, SMALL, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
     train(tiny_data(), plan, tmp_path)
@@ -136,9 +143,7 @@ def test_a_batch_holds_both_ends_of_each_confusion_as_a_negative() -> None:
 def test_mined_confusions_are_far_pairs(size: PairArchitecture | StackedArchitecture) -> None:
     shard, learning = tiny_shard(), trainer(size)
     rng = np.random.default_rng(0)
-    found = mine_hard_negatives(
-        learning.average, FLOAT32, shard, 0, FarCriterion(), rng, images=30, candidates=50, above=0.0
-    )
+    found = mine_hard_negatives(learning.average, FLOAT32, shard, 0, FarCriterion(), rng, images=30)
     assert found
     for confusion in found:
         pair = shard.poses[[confusion.source, confusion.target]]

@@ -67,7 +67,7 @@ class RowsOnDevice:
             if len(self._stamps) < len(array):
                 if not has_room(self._device, array.nbytes):
                     return None
-                self._rows = torch.empty(array.shape, dtype=to_tensor(array[:0]).dtype, device=self._device)
+                self._rows = to_tensor(np.empty(0, array.dtype), self._device).new_empty(array.shape)
                 self._stamps = np.zeros(len(array), np.int64)  # All are copied again; arrays grow by doubling.
             missing = rows[self._stamps[rows] != stamps[rows]]
             if len(missing):

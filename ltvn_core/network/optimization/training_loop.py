@@ -1,6 +1,6 @@
 """The training loop: decides when to validate, to mine hard negatives and to stop early, and keeps the best weights.
 
-Writes `validation.jsonl`, the best weights and, if TensorBoard is installed, curves for it, which are never read back.
+Writes `validation.jsonl`, the best weights and, if TensorBoard is installed, curves for it.
 """
 
 import json
@@ -234,7 +234,6 @@ class Validation:
     def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, curves: TensorBoardLog) -> None:
         self._data = data
         self._plan = plan
-        self._folder = folder
         self._curves = curves
         self.weights = folder / "best.safetensors"
         self._log = folder / "validation.jsonl"
@@ -271,14 +270,15 @@ class Validation:
             self.without_improvement += 1
 
     def _write(self, found: ValidationMetrics, seconds: float) -> None:
-        """Append metrics to the log in the folder."""
-        line = json.dumps({"seconds": round(seconds), "score": found.score, **asdict(found)})
+        """Append metrics to the log."""
+        times = {"seconds": round(seconds), "validating_s": self.seconds}
+        line = json.dumps({**times, "score": found.score, **asdict(found)})
         try:
             with self._log.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
         except OSError as error:
             raise WeightsError(
-                f"{self._folder}: metrics could not be written ({error}); free some space and run again to resume from "
+                f"{self._log.parent}: metrics could not be written ({error}); free some space and run again to resume from "
                 "the last checkpoint."
             ) from error
 

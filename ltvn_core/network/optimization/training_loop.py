@@ -278,8 +278,8 @@ class Validation:
                 file.write(line + "\n")
         except OSError as error:
             raise WeightsError(
-                f"{self._log.parent}: metrics could not be written ({error}); free some space and run again to resume from "
-                "the last checkpoint."
+                f"{self._log.parent}: metrics could not be written ({error}); free some space and run again to resume "
+                "from the last checkpoint."
             ) from error
 
 

@@ -12,8 +12,6 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import (
     ContrastiveArchitecture,
     EnsembleArchitecture,
-    PairArchitecture,
-    StackedArchitecture,
 )
 from ltvn_core.network.base_network import MixedPrecision
 from ltvn_core.network.baseline_training import baseline_training_plan
@@ -28,7 +26,6 @@ from ltvn_core.network.network_families import (
     default_architecture,
     extend_network,
 )
-from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.training_loop import train
 from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
@@ -110,9 +107,6 @@ def test_new_layers_are_drawn_with_their_seed() -> None:
     assert not torch.equal(one.state_dict()["members.0.0.weight"], other.state_dict()["members.1.0.weight"])
 
 
-PLAN = Hyperparameters(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
-
-
 @pytest.fixture(scope="module")
 def predictor() -> NetworkPredictor:
     torch.manual_seed(3)
@@ -145,22 +139,6 @@ def test_it_matters_which_image_is_the_source(predictor: NetworkPredictor) -> No
     features = predictor.encode(tiny_observations(6))
     there, back = predictor.predict(features[:3], features[3:]), predictor.predict(features[3:], features[:3])
     assert np.abs(there.waypoints - back.waypoints).max() > 1e-4
-
-
-def test_features_of_the_other_network_are_refused(predictor: NetworkPredictor) -> None:
-    features = NetworkPredictor(build_network(SMALL), "other").encode(tiny_observations(2))
-    with pytest.raises(ValueError, match="must be"):
-        predictor.predict(features, features)
-
-
-@pytest.mark.parametrize(("saved", "other"), [(SMALL, SMALL_STACKED), (SMALL_STACKED, SMALL)])
-def test_a_checkpoint_of_the_other_architecture_is_refused(
-    tmp_path: Path, saved: PairArchitecture | StackedArchitecture, other: PairArchitecture | StackedArchitecture
-) -> None:
-    path = tmp_path / "c.safetensors"
-    save_checkpoint(Trainer(PLAN, saved), path, seconds=0.0)
-    with pytest.raises(WeightsError, match="other training settings"):
-        restore_checkpoint(Trainer(PLAN, other), path)
 
 
 @pytest.mark.parametrize("family", NETWORK_FAMILIES)

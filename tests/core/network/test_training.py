@@ -67,8 +67,9 @@ def test_a_resumed_training_equals_an_uninterrupted_one(
 def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.safetensors"
     save_checkpoint(trainer(), path, seconds=0.0)
-    with pytest.raises(WeightsError, match="other training settings"):
-        restore_checkpoint(Trainer(replace(PLAN, alpha=9.0), SMALL), path)
+    for other in (Trainer(replace(PLAN, alpha=9.0), SMALL), trainer(SMALL_STACKED)):
+        with pytest.raises(WeightsError, match="other training settings"):
+            restore_checkpoint(other, path)
     path.write_bytes(path.read_bytes()[:-50])
     with pytest.raises(WeightsError, match="not a complete checkpoint"):
         restore_checkpoint(trainer(), path)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.closure_judgement import ClosureJudgement
-from ltvn_core.graph.corrections import UNSURE, Correction
+from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
@@ -117,7 +117,7 @@ def with_closed_loops(
         if closed.rejected:
             apart = np.array([link.waypoint for link in closed.rejected])
             errors, count = _errors(closed.rejected, keyframes), len(closed.rejected)
-            keyframes.corrections.append(Correction.of("look-alikes left out", apart, errors, count=count))
+            keyframes.corrections.append(Correction.of(LOOK_ALIKES, apart, errors, count=count))
         unsure = closed.deviations[closed.deviations[:, 0] > _UNSURE_M]
         if len(unsure):
             keyframes.corrections.append(Correction.of(UNSURE, unsure, np.empty((0, 3)), count=len(unsure)))

@@ -8,12 +8,13 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.geometry import relative
+from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.built_map import build_map
-from ltvn_core.maps.map_check import map_findings
+from ltvn_core.maps.map_check import map_findings, place_findings
 from ltvn_core.maps.map_coverage import MapCoverage, map_coverage
 from ltvn_core.maps.scale_check import scale_findings
 from ltvn_core.types import Features, Observation, Prediction, Tilt
@@ -39,6 +40,16 @@ def test_one_node_that_knows_little_is_not_said_to_be_all_there_was_to_see() -> 
     assert "knows 11%" in said
     assert "one place" not in said
     assert "nearly all 199 images" in " ".join(map(str, map_findings(alone, 199, MapCoverage(0.95, None))))
+
+
+def test_places_that_look_alike_are_told_where_the_drive_leaves_its_course_unsure() -> None:
+    row = [observation_at(np.array([k / 2, 0.0, 0.0]), k) for k in range(200)]
+    built = build_map(row, predictor=FlatPredictor(one_room()))
+    (unsure,) = (each for each in built.corrections if each.what == UNSURE)
+    assert 100 < unsure.count < 200
+    alike = replace(unsure, what=LOOK_ALIKES, count=7)
+    assert "7 pairs" in " ".join(map(str, place_findings([unsure, alike], 200)))
+    assert [*place_findings([unsure], 200), *place_findings([alike], 200)] == []
 
 
 def test_a_map_of_a_few_images_is_doubted_as_well() -> None:

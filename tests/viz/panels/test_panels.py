@@ -27,7 +27,7 @@ from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes.commands import Action
 from ltvn_viz.wishes.modes import Mode
 from tests.core.data.importing.plan_files import laid_room
-from tests.viz.panels.panel_contents import controls, is_enabled, nothing
+from tests.viz.panels.panel_contents import is_enabled, nothing
 
 
 @pytest.mark.parametrize(
@@ -210,18 +210,6 @@ def test_panels_send_nothing_while_nothing_changes(
         for panel in panels:
             panel.show(snapshot)
     assert sent == []
-
-
-def test_the_replay_tab_leaves_time_to_the_timeline(gui: viser.GuiApi, snapshot: s.Snapshot) -> None:
-    panel = ReplayPanel(gui)
-    time = s.TimelineStatus(length_s=42.0, time_s=21.0)
-    panel.show(
-        replace(
-            snapshot, mode=Mode.REPLAY, replay="a.rrd", timeline=time, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}
-        )
-    )
-    assert controls(panel) == 3  # The list of recordings, “Open”, and “Back to the robot”: no slider.
-    assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
 
 
 def test_of_a_recording_that_is_chosen_one_sees_when_it_was_written_and_how_large_it_is(

@@ -24,6 +24,9 @@ from ltvn_core.types import NodeId, Pose, Waypoint
 
 SAME_POSE = (0.5, 0.35)
 """Two estimates of where a node is agree if they differ by less than this, in m and rad."""
+_CONTINUES = (0.7, 0.7)
+"""Odometry is unbroken along an edge that contradicts it by less than this, in m and rad: in bare corridors, waypoints
+are wrong by as much as the odometry gate lets pass."""
 _FAR_M = 1e4
 """Distance between parts that no edge joins, large enough that no node of one is near the other, in metres."""
 
@@ -47,7 +50,9 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
     driven = graph.driven_edges
     edges = np.array([(row_of[source], row_of[target]) for source, target in driven], np.intp).reshape(-1, 2)
     waypoints = np.array([edge.waypoint for edge in driven.values()]).reshape(-1, 3)
-    fit = agree(relative(poses[edges[:, 0]], poses[edges[:, 1]]), waypoints, SAME_POSE)
+    by_odometry = relative(poses[edges[:, 0]], poses[edges[:, 1]])
+    # Odometry that never moves fits short edges, but says nothing.
+    fit = agree(by_odometry, waypoints, _CONTINUES) & by_odometry.any(axis=1)
     joined = coo_array((np.ones(fit.sum()), (edges[fit, 0], edges[fit, 1])), shape=(len(nodes), len(nodes)))
     part_of = np.asarray(connected_components(joined, directed=False)[1], np.intp)
     between = part_of[edges[:, 0]] != part_of[edges[:, 1]]
@@ -58,18 +63,14 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
 def _frames(poses: Pose, part_of: Rows, edges: Rows, waypoints: Waypoint) -> Pose:
     """Return the origins (P, 3) of the parts' frames in the common plane."""
     count = int(part_of.max(initial=-1)) + 1
-    joints = dict[tuple[int, int], Pose]()
-    agreeing = dict[tuple[int, int], int]()
     back = part_of[edges[:, 0]] > part_of[edges[:, 1]]
     edges = np.where(back[:, None], edges[:, ::-1], edges)
     waypoints = np.where(back[:, None], invert(waypoints), waypoints)
     pairs, which = np.unique(part_of[edges], axis=0, return_inverse=True)
-    for k, (first, second) in enumerate(pairs.tolist()):
-        rows = which.ravel() == k
-        joints[first, second], agreeing[first, second] = _joint(poses, edges[rows], waypoints[rows])
-    ends = np.array(list(joints), np.intp).reshape(-1, 2)
-    unsure = 1 / np.array(list(agreeing.values()), np.float64)
-    tree = minimum_spanning_tree(coo_array((unsure, (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr())
+    found = [_joint(poses, edges[rows], waypoints[rows]) for rows in which.ravel() == np.arange(len(pairs))[:, None]]
+    joints = {(first, second): joint for (first, second), (joint, _) in zip(pairs.tolist(), found, strict=True)}
+    unsure = np.array([1 / agreeing for _, agreeing in found], np.float64)
+    tree = minimum_spanning_tree(coo_array((unsure, (pairs[:, 0], pairs[:, 1])), shape=(count, count)).tocsr())
     frames = np.zeros((count, 3))
     placed = np.zeros(count, bool)
     for rank, root in enumerate(np.argsort(-np.bincount(part_of, minlength=count), kind="stable").tolist()):
@@ -187,9 +188,8 @@ class PlaceBelief:
         """Start without hypotheses; `graph` may change later."""
         self._graph = graph
         self._lay_out()
-        self._places = _NO_PLACES
+        self.forget()
         self._odometry = np.zeros(3)
-        self._is_sure = self._is_recognised = False
         self._highest_r = 0.0
 
     def forget(self) -> None:

@@ -15,13 +15,13 @@ PLACES = np.array([[0.8 * k, 0.1 * k, 0.2 * k] for k in range(8)])
 ELSEWHERE = np.array([50.0, -20.0, 2.0])
 
 
-def graph_of(odometry: Pose, edges: list[tuple[int, int]]) -> TopologicalGraph:
-    """Return a map of PLACES (8, 3) whose images have this odometry (8, 3); the edges know where nodes are."""
+def graph_of(odometry: Pose, edges: list[tuple[int, int]], places: Pose = PLACES) -> TopologicalGraph:
+    """Return a map of places (8, 3) whose images have this odometry (8, 3); the edges know where nodes are."""
     graph = TopologicalGraph()
     for frame, measured in enumerate(odometry):
-        graph.apply(NodeAdded(node_from_observation(observation_at(PLACES[frame], frame, measured)), Cause.BUILD))
+        graph.apply(NodeAdded(node_from_observation(observation_at(places[frame], frame, measured)), Cause.BUILD))
     for source, target in edges:
-        way = pose_row(relative(PLACES[source], PLACES[target]))
+        way = pose_row(relative(places[source], places[target]))
         graph.apply(EdgeAdded(Edge(source, target, way, Belief(0.9, 0.8, 0.02)), Cause.BUILD))
     return graph
 
@@ -45,6 +45,20 @@ def test_one_false_edge_between_two_drives_is_outvoted() -> None:
     graph = graph_of(odometry, [*IN_A_ROW, (2, 4), (3, 5)])
     false = Edge(0, 7, pose_row(np.array([0.3, 0.0, 0.0])), Belief(0.9, 0.3, 0.02))
     graph.apply(EdgeAdded(false, Cause.BUILD))
+    layout = lay_out(graph)
+    assert np.allclose(relative(layout.poses[0], layout.poses), relative(PLACES[0], PLACES), atol=1e-6)
+
+
+def test_short_edges_of_images_without_odometry_are_not_taken_for_standing_still() -> None:
+    places = 0.5 * PLACES
+    layout = lay_out(graph_of(np.zeros((8, 3)), IN_A_ROW, places))
+    assert np.allclose(relative(layout.poses[0], layout.poses), relative(places[0], places), atol=1e-6)
+
+
+def test_waypoints_that_are_too_short_in_a_bare_corridor_do_not_shift_what_lies_beyond() -> None:
+    graph = graph_of(PLACES, [edge for edge in IN_A_ROW if edge != (3, 4)])
+    way = relative(PLACES[3], PLACES[4]) - (0.6, 0.0, 0.0)
+    graph.apply(EdgeAdded(Edge(3, 4, pose_row(way), Belief(0.9, 0.2, 0.02)), Cause.BUILD))
     layout = lay_out(graph)
     assert np.allclose(relative(layout.poses[0], layout.poses), relative(PLACES[0], PLACES), atol=1e-6)
 

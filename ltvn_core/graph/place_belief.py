@@ -112,6 +112,8 @@ _AGREES, _PER_LOG_ODDS = 1.5, 0.7
 """ln likelihood ratio of an image that agrees with the highest r of the query, and its change per log odds of r.
 Measured in six scenes for tuning: places that merely look alike agree with half of the images, but seldom with r above
 0.99 (`docs/method.md`)."""
+_NEWS = 0.5
+"""Share of an image's ln likelihood ratio that counts, because the images just before show much of the same."""
 _HIGHEST_R = (0.95, 0.99)
 """Limits of that highest r, because predictors differ in how sure they are at best."""
 _ELSEWHERE_LEAST, _NEW = -4.0, -2.0
@@ -289,7 +291,7 @@ class PlaceBelief:
         measured = compose(self._layout.poses[row[pair]], invert(matches.waypoints[match[pair]]))
         corrected = poses.copy()
         corrected[rights] = compose(poses[rights], _TRUST_IN_MATCH * relative(poses[rights], measured))
-        self._places = replace(self._places, poses=corrected, log_weights=self._places.log_weights + says)
+        self._places = replace(self._places, poses=corrected, log_weights=self._places.log_weights + _NEWS * says)
         return is_right
 
     def _log_ratios(self, reachability: FloatArray) -> FloatArray:

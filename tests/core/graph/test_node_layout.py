@@ -30,14 +30,19 @@ IN_A_ROW = [(k, k + 1) for k in range(7)]
 
 
 @pytest.mark.parametrize(
-    "odometry",
-    [PLACES, np.concatenate([PLACES[:5], compose(ELSEWHERE, PLACES[5:])]), np.zeros((8, 3))],
-    ids=["one drive", "two drives", "no odometry"],
+    ("odometry", "places"),
+    [
+        (PLACES, PLACES),
+        (np.concatenate([PLACES[:5], compose(ELSEWHERE, PLACES[5:])]), PLACES),
+        (np.zeros((8, 3)), PLACES),
+        (np.zeros((8, 3)), PLACES / 2),
+    ],
+    ids=["one drive", "two drives", "no odometry", "no odometry, short edges"],
 )
-def test_nodes_lie_to_each_other_as_they_are(odometry: Pose) -> None:
-    layout = lay_out(graph_of(odometry, IN_A_ROW))
+def test_nodes_lie_to_each_other_as_they_are(odometry: Pose, places: Pose) -> None:
+    layout = lay_out(graph_of(odometry, IN_A_ROW, places))
     assert layout.nodes == tuple(range(8))
-    assert np.allclose(relative(layout.poses[0], layout.poses), relative(PLACES[0], PLACES), atol=1e-6)
+    assert np.allclose(relative(layout.poses[0], layout.poses), relative(places[0], places), atol=1e-6)
 
 
 def test_one_false_edge_between_two_drives_is_outvoted() -> None:
@@ -47,12 +52,6 @@ def test_one_false_edge_between_two_drives_is_outvoted() -> None:
     graph.apply(EdgeAdded(false, Cause.BUILD))
     layout = lay_out(graph)
     assert np.allclose(relative(layout.poses[0], layout.poses), relative(PLACES[0], PLACES), atol=1e-6)
-
-
-def test_short_edges_of_images_without_odometry_are_not_taken_for_standing_still() -> None:
-    places = 0.5 * PLACES
-    layout = lay_out(graph_of(np.zeros((8, 3)), IN_A_ROW, places))
-    assert np.allclose(relative(layout.poses[0], layout.poses), relative(places[0], places), atol=1e-6)
 
 
 def test_waypoints_that_are_too_short_in_a_bare_corridor_do_not_shift_what_lies_beyond() -> None:

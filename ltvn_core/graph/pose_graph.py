@@ -144,20 +144,26 @@ def _least_squares(
 
 _ASKED = 200
 """Largest number of poses whose deviations are computed; the others' are interpolated."""
+_LEAST_REDUNDANCY = 12
+"""Least number of measurements beyond those that a chain needs, from which the size of all errors is estimated."""
 
 
 def deviations(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.float64]:
     """Return the standard deviations (N, 2) of places and headings, in m and rad, seen from the first of the poses.
 
-    From the inverse of the normal matrix at optimised poses (N, 3). All closures count as true; odometry must be a
-    chain, as in `optimise`.
+    From the inverse of the normal matrix at optimised poses (N, 3), times the variance that the errors left there show,
+    if there are enough closures for that. All closures count as true; odometry must be a chain, as in `optimise`.
     """
     rows = np.unique(np.linspace(1, len(poses) - 1, min(_ASKED, len(poses) - 1)).astype(np.intp))
-    normal = _normal(_linearised(poses, odometry, 1.0), _linearised(poses, closures, 1.0))
+    both = _linearised(poses, odometry, 1.0), _linearised(poses, closures, 1.0)
+    normal = _normal(*both)
     columns = (3 * (rows[:, None] - 1) + np.arange(3)).ravel()
     unit = np.zeros((3 * len(poses) - 3, len(columns)))
     unit[columns, np.arange(len(columns))] = 1.0
     variances = np.diagonal(_factors(normal).solve(unit)[columns]).reshape(-1, 3)
+    redundancy = 3.0 * np.broadcast_to(closures.shares, len(closures.first)).sum()
+    if redundancy >= _LEAST_REDUNDANCY:
+        variances = variances * sum(float(each.errors @ each.errors) for each in both) / redundancy
     sizes = np.sqrt(np.stack([variances[:, :2].sum(axis=1), variances[:, 2]]))
     return np.stack([np.interp(np.arange(len(poses)), [0, *rows], [0.0, *each]) for each in sizes], axis=-1)
 

@@ -1,5 +1,7 @@
 """A drive that passes its places again is put right, however many of its loop closures are false."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -111,6 +113,11 @@ def test_a_place_is_as_unsure_as_a_drive_to_it_and_surer_once_it_is_recognised()
     without = deviations(truth, odometry, measured(truth, nowhere, nowhere, 0.1))
     back = measured(truth, np.array([0]), np.array([CORNERS * 8]), 0.1)
     closed = deviations(truth, odometry, back)
+    again = np.arange(CORNERS * 8 + 1)
+    often = measured(truth, again[:-10], again[10:], 0.1)
+    off = replace(often, poses=often.poses + np.random.default_rng(0).normal(scale=0.1, size=often.poses.shape))
+    assert (deviations(truth, odometry, often)[1:] < 1e-6).all()
+    assert (deviations(truth, odometry, off)[1:] > 0.01).all()
     rng = np.random.default_rng(0)
     drives = [odometry.poses + rng.normal(scale=0.04, size=odometry.poses.shape) for _ in range(2000)]
     ends = np.zeros((2000, 3))

@@ -76,11 +76,6 @@ def test_a_held_key_drives_until_it_is_let_go(seat: DriverSeat) -> None:
     ]
 
 
-def test_a_page_that_never_said_that_nothing_is_held_cannot_drive(seat: DriverSeat) -> None:
-    hold(seat, ANN)
-    assert seat.current_twist() is None
-
-
 def test_a_page_that_draws_slowly_keeps_its_hold_and_drives_the_slower_the_older_it_is(
     seat: DriverSeat, clock: Clock
 ) -> None:

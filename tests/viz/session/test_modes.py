@@ -37,17 +37,6 @@ def test_on_the_way_the_images_of_subgoal_and_goal_are_at_hand_and_afterwards_no
     assert harness.until(lambda now: now.mode is Mode.TELEOP).way is None
 
 
-def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarness) -> None:
-    harness.do(c.Ask(c.Action.GOAL, harness.far_node), ticks=20)
-    harness.driver.twist = FORWARD
-    shown = harness.until(lambda now: now.mode is Mode.TELEOP)
-    assert shown.moment.progress.ended is not None
-    assert shown.moment.progress.ended.outcome is Outcome.CANCELLED
-    assert "took over" in said(shown)
-    harness.wait()
-    assert harness.robot.twist == FORWARD
-
-
 def test_what_is_not_possible_is_said_again_when_it_is_asked_again_and_is_no_trouble_of_the_app(
     harness: SessionHarness,
 ) -> None:
@@ -177,18 +166,6 @@ def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: Sessio
     shown = harness.do(c.Ask(c.Action.GOAL, goal), ticks=1)
     assert f"does not contain goal {goal}" in said(shown)
     assert "Nearest to it is node" in said(shown)
-
-
-@pytest.mark.parametrize("mode", Mode)
-def test_a_refusal_says_in_two_short_sentences_what_the_app_does_and_what_to_press(mode: Mode) -> None:
-    asked = (c.Action.PAUSE, c.Action.BUILD, c.Action.CLOSE, c.Action.STEP)
-    texts = [text for action in asked if (text := action.wish.refusal(mode))]
-    assert texts
-    for text in texts:
-        assert text.count(". ") == 1
-        assert len(text) < 160
-        assert str(mode) not in text.split()[0]
-    assert "Cancel" in (c.Action.PAUSE.wish.refusal(Mode.BUILDING) or "Cancel")
 
 
 def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarness) -> None:

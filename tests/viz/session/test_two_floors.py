@@ -65,12 +65,6 @@ def test_an_action_that_failed_is_not_tried_again(harness: SessionHarness) -> No
     assert [event.succeeded for event in events if isinstance(event, ActionEnded)] == [False]
 
 
-def test_cancel_ends_the_wait(harness: SessionHarness) -> None:
-    harness.do(c.Ask(c.Action.CANCEL))
-    assert outcome(harness) is Outcome.CANCELLED
-    assert harness.now.waiting is None
-
-
 def test_an_answer_that_comes_before_the_action_is_not_taken_for_it(harness: SessionHarness) -> None:
     harness.do(c.Ask(c.Action.CANCEL))
     outcome(harness)

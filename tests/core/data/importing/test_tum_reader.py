@@ -31,16 +31,6 @@ def test_a_real_drive_comes_in_with_depth_poses_tilt_and_lens() -> None:
     assert 30 < np.degrees(np.ptp(turned)) < 70
 
 
-def test_pose_pitch_and_roll_are_those_of_the_optical_frame(tmp_path: Path) -> None:
-    half = np.radians(-30) / 2  # Pitched down by 30 degrees about the left axis, then the usual optical frame.
-    w, y = np.cos(half), -np.sin(half)
-    turned = (Rotation.from_quat([0, y, 0, w]) * Rotation.from_quat([float(q) for q in FORWARD.split()])).as_quat()
-    lines = [f"{100 + k / 10:.4f} {0.2 * k} 1 0.5 {' '.join(map(str, turned))}" for k in range(4)]
-    frame = read(write_tum_folder(tmp_path, pose_lines=lines))[2]
-    assert frame.truth == pytest.approx([0.4, 1, 0], abs=1e-9)
-    assert frame.tilt == pytest.approx((np.radians(-30), 0), abs=1e-9)
-
-
 def test_depth_belongs_to_the_colours_within_half_a_frame(tmp_path: Path) -> None:
     assert all(f.depth_m is not None for f in read(write_tum_folder(tmp_path / "a", depth_delay_s=0.04)))
     assert all(f.depth_m is None for f in read(write_tum_folder(tmp_path / "b", frames=1, depth_delay_s=0.04)))

@@ -12,7 +12,6 @@ import pytest
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import EncounterCounts, FailureCause, QueryResult
-from ltvn_core.evaluation.reports.evaluation_figures import figures_of
 from ltvn_core.evaluation.reports.evaluation_files import find_results
 from ltvn_core.evaluation.reports.evaluation_page import render_page
 from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
@@ -130,11 +129,6 @@ def test_the_json_beside_the_page_is_all_that_was_found(made: ReportSummary, res
     assert (made.episodes, made.failed) == (len(static), sum(not episode.reached for episode in static))
 
 
-def test_nothing_is_left_of_an_older_report(made: ReportSummary) -> None:
-    assert made.output.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert {path.name for path in made.output.parent.iterdir()} == {"report.html", "report.json"}
-
-
 def test_names_are_never_taken_for_markup(tmp_path: Path) -> None:
     name, command = "<b>|&amp;", "ltvn evaluate '<script>alert(1)</script>'"
     trial = with_columns(replace(make_trial("<b>"), command=command), scene=name)
@@ -192,11 +186,6 @@ def test_results_of_older_versions_are_refused(tmp_path: Path, name: str) -> Non
     (tmp_path / "demo-0" / name).write_text("{}", encoding="utf-8")
     with pytest.raises(OptionError, match=f"{name}.*--folder"):
         find_results(tmp_path)
-
-
-def test_the_drawing_beside_the_lines_is_shown(tmp_path: Path) -> None:
-    keep(tmp_path, run_of(make_trial()))
-    assert "floors" in {figure.kind for figure in figures_of(find_results(tmp_path), INK)}
 
 
 def test_results_that_are_kept_gzipped_are_read_like_plain_ones(tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def _least_squares(
     return poses
 
 
-_ASKED = 200
+_ASKED, _ASKED_AT_ONCE = 200, 20
 """Largest number of poses whose deviations are computed; the others' are interpolated."""
 _LEAST_REDUNDANCY = 12
 """Least number of measurements beyond those that a chain needs, from which the size of all errors is estimated."""
@@ -156,16 +156,22 @@ def deviations(poses: Pose, odometry: RelativePoses, closures: RelativePoses) ->
     """
     rows = np.unique(np.linspace(1, len(poses) - 1, min(_ASKED, len(poses) - 1)).astype(np.intp))
     both = _linearised(poses, odometry, 1.0), _linearised(poses, closures, 1.0)
-    normal = _normal(*both)
-    columns = (3 * (rows[:, None] - 1) + np.arange(3)).ravel()
-    unit = np.zeros((3 * len(poses) - 3, len(columns)))
-    unit[columns, np.arange(len(columns))] = 1.0
-    variances = np.diagonal(_factors(normal).solve(unit)[columns]).reshape(-1, 3)
+    factors = _factors(_normal(*both))
+    parts = np.array_split(rows, -(-len(rows) // _ASKED_AT_ONCE))  # A column of the inverse is as long as the drive.
+    variances = np.concatenate([_variances(factors, part) for part in parts])
     redundancy = 3.0 * np.broadcast_to(closures.shares, len(closures.first)).sum()
     if redundancy >= _LEAST_REDUNDANCY:
-        variances = variances * sum(float(each.errors @ each.errors) for each in both) / redundancy
+        variances *= sum(float(each.errors @ each.errors) for each in both) / redundancy
     sizes = np.sqrt(np.stack([variances[:, :2].sum(axis=1), variances[:, 2]]))
     return np.stack([np.interp(np.arange(len(poses)), [0, *rows], [0.0, *each]) for each in sizes], axis=-1)
+
+
+def _variances(factors: SuperLU, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return the variances (K, 3) of some poses in rows (K,) above 0, from the factors of the normal matrix."""
+    columns = (3 * (rows[:, None] - 1) + np.arange(3)).ravel()
+    unit = np.zeros((factors.shape[0], len(columns)))
+    unit[columns, np.arange(len(columns))] = 1.0
+    return np.diagonal(factors.solve(unit)[columns]).reshape(-1, 3)
 
 
 class _Solver:

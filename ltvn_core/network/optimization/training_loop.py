@@ -8,6 +8,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -284,13 +285,12 @@ class Validation:
 
 
 def _read_best(path: Path) -> ValidationMetrics | None:
-    """Return the best metrics in the log of an interrupted training."""
-    try:
-        lines = [parse_json(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    except (OSError, ValueError):
-        return None
-    best = max(lines, key=lambda line: line["score"], default=None)
-    if best is None:
-        return None
-    drives = DriveMetrics(**best["drives"]) if best["drives"] else None
-    return ValidationMetrics(best["steps"], PairMetrics(**best["pairs"]), drives)
+    """Return the best metrics in the log of an interrupted training; an incomplete line counts for nothing."""
+    read = list[ValidationMetrics]()
+    with suppress(OSError):
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            with suppress(ValueError, LookupError, TypeError):
+                found = parse_json(line)
+                drives = DriveMetrics(**found["drives"]) if found["drives"] else None
+                read.append(ValidationMetrics(found["steps"], PairMetrics(**found["pairs"]), drives))
+    return max(read, key=lambda each: each.score, default=None)

@@ -20,7 +20,7 @@ from ltvn_core.network.optimization.trainer import (
     restore_checkpoint,
     save_checkpoint,
 )
-from ltvn_core.network.optimization.training_loop import TrainingPlan, train
+from ltvn_core.network.optimization.training_loop import TensorBoardLog, TrainingPlan, Validation, train
 from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative
@@ -105,6 +105,18 @@ def test_validation_waits_while_it_took_more_than_a_tenth_of_the_time(tmp_path: 
     plan = TrainingPlan(PLAN, SMALL, minutes=0.05, validations=1000, minings=0, validation_pairs=20)
     train(tiny_data(), plan, tmp_path)
     assert 1 <= (tmp_path / "validation.jsonl").read_text(encoding="utf-8").count("\n") <= 6
+
+
+def test_a_line_that_was_cut_hides_no_better_weights_of_an_interrupted_training(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, SMALL, minutes=None, validation_pairs=20)
+    begun = Validation(tiny_data(), plan, tmp_path, TensorBoardLog(tmp_path))
+    begun.validate(trainer().network, 1, seconds=0.0)
+    with (tmp_path / "validation.jsonl").open("a", encoding="utf-8") as log:
+        log.write('{"seconds": 2, "sc')
+    resumed = Validation(tiny_data(), plan, tmp_path, TensorBoardLog(tmp_path))
+    assert begun.best is not None
+    assert resumed.best is not None
+    assert resumed.best.drives == begun.best.drives is not None
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import wrap_angle
 
 UNSURE = "images placed less surely than 1 m"
-"""Name of the images whose place, seen from the first of their drive, has a standard deviation above a metre."""
+"""Name of the images whose place, seen from the first of their stretch, has a standard deviation above a metre."""
 LOOK_ALIKES = "look-alikes left out"
 """Name of the pairs of images that look like one place, and are none by the course."""
 _KEY = "corrections"

@@ -6,7 +6,7 @@ all directions decide. The belief alone is no arrival, because it also follows a
 lost or has no path turns round as well, offers images that it does not recognise to the map, and finally gives up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,8 @@ from ltvn_core.geometry import distance, relative, wrap_angle
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.perception import EventGenerator, QueryAborted
-from ltvn_core.navigation.query import QueryState, Survey
-from ltvn_core.types import Waypoint
+from ltvn_core.navigation.query import SURVEYED_M, QueryState, Survey
+from ltvn_core.types import NodeId, Pose, Waypoint
 
 TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 """Angle of the turn on the spot between two observations, and number of observations in a full turn."""
@@ -110,6 +110,9 @@ def check_place(query: QueryState) -> EventGenerator[Arrival | None]:
         seen = query.perception.node_match(query.goal)
         return Arrival(e.BY_WAYPOINT, seen.reachability, seen.distance)
     yield from _survey(query)
+    if query.is_surveyed and not query.nodes_around(SURE):
+        yield from _move_on(query)
+        return None
     known = query.surveyed_waypoint(query.goal)
     if known is None or np.hypot(known[0], known[1]) > AT_TARGET_M or abs(wrap_angle(known[2])) > _AT_TARGET_RAD:
         return None
@@ -144,6 +147,37 @@ def _survey(query: QueryState) -> EventGenerator[None]:
         yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
         yield from query.driver.wander(_ONWARD_M)
         query.begin_anew()
+
+
+def _move_on(query: QueryState) -> EventGenerator[None]:
+    """Drive to another node of the likeliest place, because a turn here did not show which place this is; from
+    somewhere else the robot turns again."""
+    around = query.nodes_around(0.0)
+    path = _way_on(query, around)
+    yield e.Note(f"The images around fit several places; the robot moves on by {len(path)} nodes.", rule=e.BY_PLACE)
+    steps_before = query.motion.steps
+    for node in path:
+        if (waypoint := query.known_waypoint(node, 0.0)) is None:
+            break
+        result = yield from query.driver.drive(node, waypoint, is_known=True, around=query.nodes_around(0.0))
+        if result.end is not e.AttemptEnd.REACHED:
+            break
+    if query.motion.steps == steps_before:
+        yield from query.driver.wander(_ONWARD_M)
+    query.survey = None
+
+
+def _way_on(query: QueryState, around: Mapping[NodeId, Pose]) -> tuple[NodeId, ...]:
+    """Return the way to the nearest of the nodes around (3,) that lies where the robot did not move on to before."""
+    tried = np.array([np.zeros(3), *(around[node] for node in query.moved_on_to if node in around)])
+    here = next(iter(around), query.goal)
+    for node, pose in around.items():
+        if np.hypot(*(pose - tried)[:, :2].T).min() > SURVEYED_M:
+            path = query.context.planner.plan(here, node, query.penalties).nodes
+            if path and all(each in around for each in path):
+                query.moved_on_to.add(node)
+                return path[1:]
+    return ()
 
 
 def _looks_different_from_beside(query: QueryState) -> bool:

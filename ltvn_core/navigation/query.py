@@ -32,7 +32,7 @@ MOST_OBSTRUCTIONS = 4
 """Number of obstructions in one query after which the robot plans no more paths through edges that seem closed."""
 _MOST_FRESH_HOPES = 2
 """Number of times that closed edges may be tried again, each after a full look around."""
-_SURVEYED_M = 1.5
+SURVEYED_M = 1.5
 """Distance from a turn on the spot within which what it showed still counts, in metres."""
 
 
@@ -111,6 +111,8 @@ class QueryState:
     """Starts without a path, from where the map was extended."""
     surveys: int = 0
     """Number of turns on the spot to see whether the goal is here."""
+    moved_on_to: set[NodeId] = field(default_factory=set)
+    """Nodes to which the robot moved on after such a turn, because it could be at several places."""
 
     # Set by recovery.
     consecutive_failures: int = 0
@@ -185,7 +187,7 @@ class QueryState:
     def is_surveyed(self) -> bool:
         """Whether the robot has turned round near here, to see what is around."""
         survey = self.survey
-        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M)
+        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < SURVEYED_M)
 
     def surveyed_waypoint(self, node: NodeId) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the images in all directions confirmed the sure place."""

@@ -16,6 +16,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.bystanders import Bystanders
+from ltvn_core.navigation.events import Outcome
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.navigation.perception import MotionExecutor, PassiveLocaliser, Perception
 from ltvn_core.navigation.query import NavigationContext, QueryState
@@ -73,6 +74,11 @@ def drive(method: Method, start_x: float, goal_x: float) -> tuple[QueryResult, T
 def test_the_robot_passes_the_perceptual_alias_of_its_goal() -> None:
     assert not drive(CREDULOUS, 0.8, 11.0)[0].reached
     assert drive(ROBUST, 0.8, 11.0)[0].reached
+
+
+def test_a_robot_that_could_be_at_its_goal_or_at_its_alias_drives_on_to_find_out() -> None:
+    query, _ = drive(ROBUST, 4.0, 4.0)
+    assert (query.outcome, query.reached) == (Outcome.ARRIVED, True)
 
 
 def test_no_edge_leads_from_a_place_to_its_perceptual_alias() -> None:

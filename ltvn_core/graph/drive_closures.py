@@ -59,12 +59,8 @@ def separate_contradicted_drives(
 
 def _contradict(links: Sequence[DriveLink], gate: OdometryGate) -> bool:
     """Tell whether odometry allows fewer than half of the links."""
-    allowed = [_is_allowed(link, gate) for link in links]
-    return bool(links) and 2 * sum(allowed) < len(links)
-
-
-def _is_allowed(link: DriveLink, gate: OdometryGate) -> bool:
-    return bool(gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all())
+    allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
+    return bool(links) and bool(2 * sum(allowed) < len(links))
 
 
 _KEY_GAP = 0.5
@@ -234,15 +230,11 @@ class ClosureSearch:
         for number in batch:
             near = gate.near_rows(int(drive.rows[number]))
             near = near[np.isin(near, drive.rows[: earlier[number]])]
-            found += self._again(
-                drive.stretch[drive.rows[number]].step, [drive.stretch[row].step for row in near], gate
-            )
+            frame = drive.stretch[drive.rows[number]].step
+            nearby = gate.may_be_near(frame, [drive.stretch[row].step for row in near])
+            others = self.matcher.promising(frame, nearby)
+            found += surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
         return found
-
-    def _again(self, frame: FrameId, earlier: Sequence[FrameId], gate: OdometryGate) -> list[DriveLink]:
-        """Return the loop closures from a key image to earlier images, verified along both stretches of driving."""
-        others = self.matcher.promising(frame, gate.may_be_near(frame, earlier))
-        return surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

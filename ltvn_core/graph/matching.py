@@ -105,7 +105,9 @@ class Matcher:
         forward, backward = self._answers(features, nodes)
         reachability = np.array(forward.reachability)
         waypoints = np.array(forward.waypoints)
-        distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
+        # For a pair that it skips, a predictor returns a low r and a waypoint of zeros.
+        is_skipped = (reachability < 0.5) & ~waypoints.any(axis=1)
+        distances = np.where(is_skipped, np.inf, distance(waypoints))
         found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
         return self._both_ways(features, found, backward) if self._config.both_directions else found
 
@@ -206,8 +208,3 @@ class Matcher:
         ]
         owners = [np.repeat(np.arange(len(matches)), counts), np.tile(np.arange(len(matches)), len(own))]
         return np.concatenate(here), np.concatenate(there), np.concatenate(owners)
-
-
-def _has_no_waypoint(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Tell (N,) which pairs a predictor skipped: for these it returns a low r and a waypoint of zeros."""
-    return (reachability < 0.5) & ~waypoints.any(axis=1)

@@ -150,8 +150,7 @@ def _survey(query: QueryState) -> EventGenerator[None]:
 
 
 def _move_on(query: QueryState) -> EventGenerator[None]:
-    """Drive to another node of the likeliest place, because a turn here did not show which place this is; from
-    somewhere else the robot turns again."""
+    """Drive to another node of the likeliest place, because a turn here left open which of several places it is."""
     around = query.nodes_around(0.0)
     path = _way_on(query, around)
     yield e.Note(f"The images around fit several places; the robot moves on by {len(path)} nodes.", rule=e.BY_PLACE)
@@ -170,10 +169,9 @@ def _move_on(query: QueryState) -> EventGenerator[None]:
 def _way_on(query: QueryState, around: Mapping[NodeId, Pose]) -> tuple[NodeId, ...]:
     """Return the way to the nearest of the nodes around (3,) that lies where the robot did not move on to before."""
     tried = np.array([np.zeros(3), *(around[node] for node in query.moved_on_to if node in around)])
-    here = next(iter(around), query.goal)
     for node, pose in around.items():
         if np.hypot(*(pose - tried)[:, :2].T).min() > SURVEYED_M:
-            path = query.context.planner.plan(here, node, query.penalties).nodes
+            path = query.context.planner.plan(next(iter(around)), node, query.penalties).nodes
             if path and all(each in around for each in path):
                 query.moved_on_to.add(node)
                 return path[1:]

@@ -18,7 +18,7 @@ from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.navigation import steering
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
-from ltvn_core.navigation.obstacle_memory import ObstacleMemory
+from ltvn_core.navigation.obstacle_memory import Clearances, ObstacleMemory
 from ltvn_core.navigation.perception import MotionExecutor, Perception
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
@@ -186,7 +186,8 @@ class AttemptDriver:
         points = self._perception.mapped_points(
             {target: waypoint}, _FRAMES_AROUND_TARGET, self._spec, range_m=RELEVANT_RANGE_M
         )
-        return steering.path_clearance_m(waypoint[:2], points) < self._config.back_up_clearance_m
+        (clearance_m,) = Clearances(points).of_lines(np.zeros((1, 2)), waypoint[None, :2])
+        return bool(clearance_m < self._config.back_up_clearance_m)
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
         """Return the next command, or the reason why the attempt ends here."""

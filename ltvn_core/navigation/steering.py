@@ -334,11 +334,6 @@ def find_detour(
     return places[int(cost.argmin())]
 
 
-def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the clearance in metres of the straight line to `goal` (2,) from obstacles (M, 2); inf if it is large."""
-    return float(Clearances(points).of_lines(np.zeros((1, 2)), goal[None])[0])
-
-
 def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (C, 2) via points and the (C, 2) ends of the ways over them."""
     away_m, bearing = (

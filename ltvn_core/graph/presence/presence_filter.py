@@ -53,15 +53,6 @@ class DurationMixture:
         scales = np.asarray(scales_s, np.float64)
         return cls(scales_s=scales, shapes=np.ones_like(scales), weights=np.asarray(weights, np.float64))
 
-    def for_things(self, count: int) -> "DurationMixture":
-        """Return the same mixture for each of `count` things, (N, K)."""
-        size = (count, self.scales_s.shape[-1])
-        return DurationMixture(
-            scales_s=np.broadcast_to(self.scales_s, size),
-            shapes=np.broadcast_to(self.shapes, size),
-            weights=np.broadcast_to(self.weights, size),
-        )
-
 
 def log_survival(ages_s: FloatArray, scales_s: FloatArray, shapes: FloatArray) -> FloatArray:
     """Return ln of the probability that a duration exceeds an age (survival function); all arguments broadcast."""
@@ -230,12 +221,11 @@ class PersistentTracks:
 
     def __init__(self, config: PersistentFilter, count: int) -> None:
         """Start with the prior for `count` things."""
-        kinds = max(config.present.scales_s.shape[-1], config.absent.scales_s.shape[-1])
-        mixtures = [_padded(each.for_things(count), kinds) for each in (config.absent, config.present)]
+        absent, present = config.absent, config.present
         self._config = config
-        self._scales = np.stack([each.scales_s for each in mixtures])
-        self._shapes = np.stack([each.shapes for each in mixtures])
-        self._prior = np.stack([each.weights for each in mixtures])
+        self._scales = _for_things(count, absent.scales_s, present.scales_s, missing=1.0)
+        self._shapes = _for_things(count, absent.shapes, present.shapes, missing=1.0)
+        self._prior = _for_things(count, absent.weights, present.weights, missing=0.0)
         self._counts = np.zeros_like(self._prior)
         """(2, N, K) expected numbers of past durations of each component, by state."""
         self._weights = self._prior.copy()
@@ -244,7 +234,7 @@ class PersistentTracks:
         self._since = np.full(count, np.nan)
         self._last = np.full(count, np.nan)
         self._stay = np.full(count, np.log(config.present_at_first))
-        self._left = np.full((count, kinds), np.log1p(-config.present_at_first))
+        self._left = np.full(self._prior.shape[1:], np.log1p(-config.present_at_first))
 
     def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
         """Update with one observation of each of M different things, see `PresenceTracks`."""
@@ -349,14 +339,12 @@ class PersistentTracks:
         return (self._weights[state, rows] * lasting).sum(axis=-1)
 
 
-def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
-    """Return the same mixture padded to `kinds` components, with components of zero weight."""
-    missing = ((0, 0), (0, kinds - durations.scales_s.shape[-1]))
-    return DurationMixture(
-        scales_s=np.pad(durations.scales_s, missing, constant_values=1.0),
-        shapes=np.pad(durations.shapes, missing, constant_values=1.0),
-        weights=np.pad(durations.weights, missing),
-    )
+def _for_things(count: int, *by_state: FloatArray, missing: float) -> FloatArray:
+    """Return (2, N, K) values of the components of two mixtures, (K,) or (N, K), for each of N things."""
+    found = np.full((len(by_state), count, max(values.shape[-1] for values in by_state)), missing)
+    for state, values in enumerate(by_state):
+        found[state, :, : values.shape[-1]] = values
+    return found
 
 
 _MINUTE_S = 60.0

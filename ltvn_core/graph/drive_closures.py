@@ -36,7 +36,8 @@ log = logging.getLogger(__name__)
 def separate_contradicted_drives(
     observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, config: BuildingConfig
 ) -> None:
-    """Restart odometry, in the matcher's keyframes, at each drive whose images contradict that it continues odometry.
+    """Restart odometry, in the matcher's keyframes, at each drive whose images contradict that it continues odometry:
+    it allows fewer than half of their links.
 
     Costs a few thousand comparisons for each drive that continues odometry after a pause of more than `PAUSE_S`.
     """
@@ -50,17 +51,13 @@ def separate_contradicted_drives(
         own = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first)]
         before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
         links = DriveLinkSearch([*before, *own], [first], matcher, loop_closures, config).links()
-        if _contradict(links, OdometryGate([*before, *own], config)):
+        gate = OdometryGate([*before, *own], config)
+        allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
+        if 2 * sum(allowed) < len(links):
             log.warning(
                 "Images contradict that odometry continues at image %d; only recognised images join that drive.", first
             )
             keyframes.restart_odometry(first)
-
-
-def _contradict(links: Sequence[DriveLink], gate: OdometryGate) -> bool:
-    """Tell whether odometry allows fewer than half of the links."""
-    allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
-    return bool(links) and bool(2 * sum(allowed) < len(links))
 
 
 _KEY_GAP = 0.5
@@ -164,11 +161,12 @@ class ClosureSearch:
         corrected = dict[FrameId, Observation]()
         closures, rejected, unsure = list[DriveLink](), list[DriveLink](), list[NDArray[np.float64]]()
         for stretch in self._stretches():
-            closed = self._closed_stretch(stretch, len(corrected))
+            drive = _KeyImages.of(stretch)
+            closed = self._closed_stretch(drive, len(corrected))
             corrected |= {each.step: each for each in closed.observations}
             closures += closed.closures
             rejected += closed.rejected
-            unsure.append(_KeyImages.of(stretch).deviations(closed))
+            unsure.append(drive.deviations(closed))
         images = [corrected[seen.step] for seen in self.observations]
         return ClosedDrives(images, tuple(closures), tuple(rejected), np.concatenate(unsure))
 
@@ -182,12 +180,11 @@ class ClosureSearch:
             stretch.append(seen)
         yield stretch
 
-    def _closed_stretch(self, stretch: Sequence[Observation], done: int) -> ClosedDrives:
+    def _closed_stretch(self, drive: "_KeyImages", done: int) -> ClosedDrives:
         """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images
         are in the stretches before."""
-        drive = _KeyImages.of(stretch)
-        closed = ClosedDrives(stretch)
-        gate = OdometryGate(stretch, self.config)
+        closed = ClosedDrives(drive.stretch)
+        gate = OdometryGate(drive.stretch, self.config)
         found, course = list[DriveLink](), None
         for first in range(0, len(drive.rows), _BATCH):
             batch = range(first, min(first + _BATCH, len(drive.rows)))

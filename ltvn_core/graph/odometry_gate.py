@@ -117,22 +117,15 @@ class OdometryGate:
             if self._remembered > _MOST_ROWS_REMEMBERED:
                 self._near.clear()
                 self._remembered = 0
-            self._near[row] = rows[self._may_lie_near(row, rows)].astype(np.int32)
+            driven, path_m = self._way(row, rows)
+            # Another link may give another relative pose of such an image, or give it from the other side.
+            factor = np.where(self._segment == self._segment[row], 1.0, _OTHER_LINK)
+            near = np.hypot(driven[:, 0], driven[:, 1]) - _ROUNDING <= self._reach_m + factor * self._allowance_m(
+                path_m
+            )
+            self._near[row] = rows[near].astype(np.int32)
             self._remembered += len(self._near[row])
         return self._near[row]
-
-    def _may_lie_near(self, here: int, there: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Tell (N,) whether the images in rows `there` (N,) could be near the image in row `here`, on either way
-        between them."""
-        same = self._segment[there] == self._segment[here]
-        if same.all():
-            places, path_m = self._poses[there, :2] - self._poses[here, :2], self._ways.between(here, there)
-        else:
-            driven, path_m = self._way(here, there)
-            places = driven[:, :2]
-        # Another link may give another relative pose of such an image, or give it from the other side.
-        allowance_m = self._allowance_m(path_m) * np.where(same, 1.0, _OTHER_LINK)
-        return np.hypot(places[:, 0], places[:, 1]) - _ROUNDING <= self._reach_m + allowance_m
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""

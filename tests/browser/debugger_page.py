@@ -6,12 +6,12 @@ Owns how one asks, clicks, types and waits. What is asked is the business of who
 import re
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import viser
-from playwright.sync_api import Browser, Locator, Page, ViewportSize
+from playwright.sync_api import Browser, Locator, Page, TimeoutError, ViewportSize
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
@@ -26,6 +26,7 @@ from tests.waiting import PATIENCE_S, until
 
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
+_TRIES = 8
 LAST_S = 1e9
 """Later than any recording ends."""
 _IS_SHOWN = """html => {
@@ -203,12 +204,15 @@ class DebuggerPage:
 
 
 def press_question(page: Page, question: QuestionName) -> None:
-    """Press the button of a question, in the row or under “More”."""
+    """Press the button of a question, in the row or under “More”, which closes when the list is drawn anew."""
     button = page.locator(f'.lt-question[data-text="{question}"]')
     button.wait_for(state="attached")
-    if not button.is_visible():
-        page.locator(".lt-asks summary").click()
-    button.click()
+    for _ in range(_TRIES):
+        if not button.is_visible():
+            page.locator(".lt-asks summary").click()
+        with suppress(TimeoutError):
+            return button.click(timeout=1e3 * PATIENCE_S / _TRIES)
+    raise AssertionError(f"{question} cannot be pressed")
 
 
 @contextmanager

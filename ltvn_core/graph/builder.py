@@ -144,7 +144,7 @@ class _BuildRun:
         self._second_pass_thresholds = replace(self._thresholds, connect_reachability=SECOND_PASS_REACHABILITY)
         self._bridges = BridgeSearch(observations, matcher, odometry_gate, loop_closures, self._second_pass_thresholds)
         self._goals = set(goals)
-        self._deltas: list[GraphDelta] = []
+        self._deltas: list[NodeAdded | EdgeAdded] = []
         self.nodes: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
         self._left = np.array([self._row[seen.step] for seen in observations], np.intp)
@@ -336,18 +336,15 @@ class _BuildRun:
         yield tuple(ordered[:_NEAR_IN_TIME])
         yield self._matcher.promising(frame, ordered[_NEAR_IN_TIME:])
 
-    def _enter(self, deltas: Sequence[GraphDelta]) -> None:
+    def _enter(self, deltas: Sequence[NodeAdded | EdgeAdded]) -> None:
         self._deltas.extend(deltas)
         for delta in deltas:
-            match delta:
-                case NodeAdded(node=node):
-                    self.nodes[node.id] = None
-                    self._new_nodes.enter(self._row[node.id])
-                    self._join(node.id, node.id)
-                case EdgeAdded(edge=edge):
-                    self._join(edge.source, edge.target)
-                case _:
-                    pass
+            if isinstance(delta, EdgeAdded):
+                self._join(delta.edge.source, delta.edge.target)
+                continue
+            self.nodes[delta.node.id] = None
+            self._new_nodes.enter(self._row[delta.node.id])
+            self._join(delta.node.id, delta.node.id)
 
     def _join(self, frame: FrameId, other: FrameId) -> None:
         """Note that an image belongs to the piece of another one, which is in the map or the same image."""
@@ -357,12 +354,6 @@ class _BuildRun:
         self._drives_left.discard(int(self._drive[self._row[frame]]))
 
 
-def _added_node(delta: GraphDelta) -> NodeId | None:
+def _added_node(delta: NodeAdded | EdgeAdded) -> NodeId:
     """Return the node that a delta adds, or from which it adds an edge."""
-    match delta:
-        case NodeAdded(node=node):
-            return node.id
-        case EdgeAdded(edge=edge):
-            return edge.source
-        case _:
-            return None
+    return delta.node.id if isinstance(delta, NodeAdded) else delta.edge.source

@@ -125,10 +125,8 @@ def with_closed_loops(
 
 def _errors(closures: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
     """Return the errors (N, 3) of the corrected odometry by its own closures."""
-    first, second = (
-        odometry_of([keyframes.observation(frame) for frame in frames])
-        for frames in ([link.frame for link in closures], [link.other for link in closures])
-    )
+    first = odometry_of([keyframes.observation(link.frame) for link in closures])
+    second = odometry_of([keyframes.observation(link.other) for link in closures])
     return relative(np.array([link.waypoint for link in closures]), relative(first, second))
 
 

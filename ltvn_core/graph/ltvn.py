@@ -100,7 +100,7 @@ class OnlineBuilder:
             return (*deltas, *self._try_pending(frame))
         return tuple(self._keep(frame))
 
-    def _place(self, frame: FrameId) -> list[GraphDelta]:
+    def _place(self, frame: FrameId) -> Sequence[GraphDelta]:
         """Return the deltas of connecting a frame, none if it merges or finds no neighbour."""
         found = self._matcher.match(self._keyframes.features([frame]), tuple(self._graph.nodes))
         merging = nearest_mergeable(frame, found, self._matcher, self._thresholds)

@@ -6,7 +6,7 @@ edge, Eq. 3 for its existence and Eq. 4 for its length, with pruning and novel n
 attempts (`navigation.learning`) nor search for new paths (`graph.ltvn`).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,7 +92,7 @@ def pose_row(pose: Waypoint) -> d.PoseRow:
 
 def node_with_edges(
     observation: Observation, matches: Matches, config: BeliefConfig, cause: d.Cause, *, by_odometry: bool = False
-) -> list[d.GraphDelta]:
+) -> Sequence[d.NodeAdded | d.EdgeAdded]:
     """Return the deltas that make an image a node and join it both ways to every match."""
     return [
         d.NodeAdded(node_from_observation(observation), cause),

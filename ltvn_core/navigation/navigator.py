@@ -12,9 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.errors import MapError
+from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.place_belief import SURE
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import SlipTracker
@@ -22,11 +24,14 @@ from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.arrival import Arrival
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, NavigatorState, Outcome, QueryEnded, QueryStarted, StateChanged, Tick
-from ltvn_core.navigation.perception import MotionExecutor, Perception, QueryAborted
+from ltvn_core.navigation.perception import MotionExecutor, Perception, PlaceTracker, QueryAborted
 from ltvn_core.navigation.query import NavigationContext, QueryState
 from ltvn_core.navigation.query_runner import run
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Predictor
+
+_STOOD = 0.2
+"""Greatest d by odometry between two queries of a robot that stood meanwhile: it still knows its place."""
 
 
 class Navigator:
@@ -67,6 +72,8 @@ class Navigator:
             actions=actions,
         )
         self._motion: MotionExecutor | None = None
+        self._arrived: tuple[PlaceTracker, Pose] | None = None
+        """The belief of a robot that arrived and was sure of its place, and its odometry pose (3,) there."""
 
     def query(self, goal: NodeId, query: int) -> Generator[Event | Tick, None, None]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.
@@ -114,9 +121,15 @@ class Navigator:
         try:
             yield QueryStarted(query, goal)
             arrival: Arrival | None = None
+            state = QueryState(context, motion, perception, goal, query)
+            if self._arrived is not None and distance(relative(self._arrived[1], motion.odometry)) < _STOOD:
+                state.places = perception.places = self._arrived[0]
+            self._arrived = None
             try:
-                arrival = yield from run(QueryState(context, motion, perception, goal, query))
+                arrival = yield from run(state)
                 outcome = Outcome.ARRIVED
+                if (state.place_p() or 0.0) > SURE:
+                    self._arrived = state.places, motion.odometry.copy()
             except QueryAborted as over:
                 outcome = over.outcome
             motion.stop()

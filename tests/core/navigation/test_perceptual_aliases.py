@@ -49,26 +49,30 @@ def _inside(features: Features) -> NDArray[np.bool_]:
     return ((x > 3) & (x < 5)) | ((x > 10) & (x < 12))
 
 
-def drive(method: Method, start_x: float, goal_x: float) -> tuple[QueryResult, TopologicalGraph]:
+def drive(method: Method, start_x: float, *goals_x: float) -> tuple[QueryResult, TopologicalGraph]:
+    """Drive along the corridor from goal to goal; return how the last query ended."""
     world = FlatWorld(np.array(box(14.0, 2.0)))
     images, predictor = list(tour(WAY)), AliasedPredictor(world)
     keyframes = KeyframeStore(predictor)
     graph = TopologicalGraph(build(images, keyframes, predictor, method, np.random.default_rng(0)))
     poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}
     ahead = [node for node in graph.nodes if abs(poses[node][2]) < 0.1]
-    goal = min(ahead, key=lambda node: abs(poses[node][0] - goal_x))
+    goals = [min(ahead, key=lambda node: abs(poses[node][0] - goal_x)) for goal_x in goals_x]
     robot = FlatRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
     method = replace(method, maintain=False)
     navigator = Navigator(robot, graph, keyframes, predictor, ltvn_system(method), np.random.default_rng(0))
-    episode = run_query(
-        navigator,
-        goal,
-        0,
-        advance=robot.advance,
-        verdict=lambda: judge_goal_reached(0, robot.pose, poses[goal]),
-        consume=lambda event: None,
-    )
-    return episode, graph
+    episodes = [
+        run_query(
+            navigator,
+            goal,
+            number,
+            advance=robot.advance,
+            verdict=lambda: judge_goal_reached(0, robot.pose, poses[goal]),
+            consume=lambda event: None,
+        )
+        for number, goal in enumerate(goals)
+    ]
+    return episodes[-1], graph
 
 
 def test_the_robot_passes_the_perceptual_alias_of_its_goal() -> None:
@@ -79,6 +83,12 @@ def test_the_robot_passes_the_perceptual_alias_of_its_goal() -> None:
 def test_a_robot_that_could_be_at_its_goal_or_at_its_alias_drives_on_to_find_out() -> None:
     query, _ = drive(ROBUST, 4.0, 4.0)
     assert (query.outcome, query.reached) == (Outcome.ARRIVED, True)
+
+
+def test_a_robot_that_arrived_still_knows_where_it_is_at_the_next_goal() -> None:
+    (goes_on, _), (begins, _) = drive(ROBUST, 0.8, 11.0, 12.6), drive(ROBUST, 11.0, 12.6)
+    assert goes_on.reached
+    assert goes_on.steps < begins.steps / 2
 
 
 def test_no_edge_leads_from_a_place_to_its_perceptual_alias() -> None:

@@ -67,7 +67,7 @@ def drive(method: Method, start_x: float, *goals_x: float) -> tuple[QueryResult,
             goal,
             number,
             advance=robot.advance,
-            verdict=lambda: judge_goal_reached(0, robot.pose, poses[goal]),
+            verdict=lambda goal=goal: judge_goal_reached(0, robot.pose, poses[goal]),
             consume=lambda event: None,
         )
         for number, goal in enumerate(goals)

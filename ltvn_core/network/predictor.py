@@ -80,9 +80,9 @@ PLACE_KEEP, _PLACE_SHARE = 2_000, 0.05
 Among 5,100 images of two apartments, the best node for each of 90 images was always among the first 241 by place score.
 """
 
-_IMAGES_AT_ONCE, _PAIRS_AT_ONCE = 64, 256
-_IMAGES_ON_CARD, _PAIRS_ON_CARD = 256, 1024
-"""Batches on a graphics card, where up to 256 pairs take as long as one."""
+_AT_ONCE, _AT_ONCE_ON_CARD = (64, 256), (256, 1024)
+"""Numbers of images and of pairs in a batch; on a graphics card up to 256 pairs take as long as one."""
+_FEATURES, _KEYS = 0, 1
 
 
 class NetworkPredictor:
@@ -106,8 +106,7 @@ class NetworkPredictor:
         self._compare = Comparison(network)
         self._device = device_of(network)
         on_card = self._device.type != "cpu" if as_on_card is None else as_on_card
-        self._images_at_once = _IMAGES_ON_CARD if on_card else _IMAGES_AT_ONCE
-        self._pairs_at_once = _PAIRS_ON_CARD if on_card else _PAIRS_AT_ONCE
+        self._images_at_once, self._pairs_at_once = _AT_ONCE_ON_CARD if on_card else _AT_ONCE
         self.kept = (RowsOnDevice(self._device), RowsOnDevice(self._device)) if on_card else None
         """Features and keys of maps on the device; None on the CPU."""
         self.fingerprint = fingerprint
@@ -225,9 +224,7 @@ class NetworkPredictor:
     @torch.inference_mode()
     def _predict_filtered(self, source: Features, held: HeldFeatures) -> Prediction:
         row = self._tensor(source)
-        keys = (
-            None if self.kept is None or held.stamps is None else self.kept[1].take(held.keys, held.stamps, held.rows)
-        )
+        keys = self._on_device(_KEYS, held, held.keys, held.rows)
         logits = self._network.place_scores(row, self._tensor(held.keys[held.rows] if keys is None else keys))
         near = np.arange(len(held.rows))
         keep = max(PLACE_KEEP, int(_PLACE_SHARE * len(near)))
@@ -246,8 +243,11 @@ class NetworkPredictor:
 
     def _features(self, held: HeldFeatures, rows: NDArray[np.intp]) -> tuple[Features | Tensor, NDArray[np.intp]]:
         """Return features and the indices of the given rows (N,) in them; on a card, a copy there of just these."""
-        kept = None if self.kept is None or held.stamps is None else self.kept[0].take(held.features, held.stamps, rows)
+        kept = self._on_device(_FEATURES, held, held.features, rows)
         return (held.features, rows) if kept is None else (kept, np.arange(len(rows)))
+
+    def _on_device(self, part: int, held: HeldFeatures, array: Features, rows: NDArray[np.intp]) -> Tensor | None:
+        return None if self.kept is None or held.stamps is None else self.kept[part].take(array, held.stamps, rows)
 
     def _tensor(self, rows: NDArray[np.generic] | Tensor) -> Tensor:
         return to_tensor(rows, self._device)

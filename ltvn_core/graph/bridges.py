@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import distance
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph import loop_closures
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds
@@ -47,7 +47,6 @@ class BridgeSearch:
         observations: Sequence[Observation],
         matcher: Matcher,
         odometry_gate: OdometryGate,
-        loop_closures: LoopClosureVerifier,
         thresholds: OperatorThresholds,
     ) -> None:
         """Join images that are connectable by `thresholds`, the thresholds of the last pass."""
@@ -55,7 +54,6 @@ class BridgeSearch:
         self._row = {frame: row for row, frame in enumerate(self._frames)}
         self._matcher = matcher
         self._odometry_gate = odometry_gate
-        self._loop_closures = loop_closures
         self._thresholds = thresholds
         self._asked: dict[FrameId, NDArray[np.intp]] = {}
         """For each image the rows of the few beside it that it was compared with while both were left over."""
@@ -143,5 +141,5 @@ class BridgeSearch:
             return None
         found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
         found = found.take(self._odometry_gate.plausible(frame, found))
-        found = self._loop_closures.connections(frame, found, self._thresholds)
+        found = loop_closures.connections(frame, found, self._matcher, self._thresholds)
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None

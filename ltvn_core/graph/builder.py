@@ -14,6 +14,7 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from ltvn_core.config import Method
 from ltvn_core.geometry import relative
+from ltvn_core.graph import loop_closures
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.build_progress import BuildProgress, BuildStage, ProgressCallback
 from ltvn_core.graph.corrections import Correction
@@ -22,7 +23,6 @@ from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import Newcomers, OdometryGate
 from ltvn_core.graph.operators import (
@@ -72,11 +72,8 @@ def build(
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
         observations = mend_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
-    loop_closures = LoopClosureVerifier(matcher)
-    observations, odometry_gate = with_closed_loops(
-        observations, matcher, loop_closures, method, shown.of(BuildStage.CLOSURES)
-    )
-    run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
+    observations, odometry_gate = with_closed_loops(observations, matcher, method, shown.of(BuildStage.CLOSURES))
+    run = _BuildRun(observations, matcher, odometry_gate, method, goals)
     run.run(rng, shown.of(BuildStage.PASSES))
     run.keep_largest_pieces()
     keyframes.keep_only([*run.nodes, *run.reserve])
@@ -127,7 +124,6 @@ class _BuildRun:
         observations: Sequence[Observation],
         matcher: Matcher,
         odometry_gate: OdometryGate,
-        loop_closures: LoopClosureVerifier,
         method: Method,
         goals: Collection[FrameId],
     ) -> None:
@@ -137,12 +133,11 @@ class _BuildRun:
         self._drive = np.array([matcher.keyframes.drive_of(seen.step) for seen in self._images])
         self._is_goal = np.isin([*self._row], [*goals])
         self._matcher = matcher
-        self._loop_closures = loop_closures
         self._odometry_gate = odometry_gate
         self._method = method
         self._thresholds = OperatorThresholds.building(method.building)
         self._second_pass_thresholds = replace(self._thresholds, connect_reachability=SECOND_PASS_REACHABILITY)
-        self._bridges = BridgeSearch(observations, matcher, odometry_gate, loop_closures, self._second_pass_thresholds)
+        self._bridges = BridgeSearch(observations, matcher, odometry_gate, self._second_pass_thresholds)
         self._goals = set(goals)
         self._deltas: list[NodeAdded | EdgeAdded] = []
         self.nodes: dict[FrameId, None] = {}
@@ -297,7 +292,7 @@ class _BuildRun:
         near = connectable(known, thresholds)
         if not near.any():
             return False
-        trusted = self._loop_closures.supported(seen.step, known.take(near), thresholds)
+        trusted = loop_closures.supported(seen.step, known.take(near), self._matcher, thresholds)
         chosen = trusted.take(connectable(trusted, thresholds))
         if stage is not _Stage.FIRST:
             best = np.argsort(-chosen.reachability, kind="stable")

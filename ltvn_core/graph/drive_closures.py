@@ -22,7 +22,6 @@ from ltvn_core.graph.closure_judgement import ClosureJudgement
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.map_contradictions import PassOverlay
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
@@ -33,9 +32,7 @@ from ltvn_core.types import FrameId, Observation
 log = logging.getLogger(__name__)
 
 
-def separate_contradicted_drives(
-    observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, config: BuildingConfig
-) -> None:
+def separate_contradicted_drives(observations: Sequence[Observation], matcher: Matcher, config: BuildingConfig) -> None:
     """Restart odometry, in the matcher's keyframes, at each drive whose images contradict that it continues odometry:
     it allows fewer than half of their links.
 
@@ -50,7 +47,7 @@ def separate_contradicted_drives(
             continue
         own = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first)]
         before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
-        links = DriveLinkSearch([*before, *own], [first], matcher, loop_closures, config).links()
+        links = DriveLinkSearch([*before, *own], [first], matcher, config).links()
         gate = OdometryGate([*before, *own], config)
         allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
         if 2 * sum(allowed) < len(links):
@@ -80,7 +77,6 @@ _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 def with_closed_loops(
     observations: Sequence[Observation],
     matcher: Matcher,
-    loop_closures: LoopClosureVerifier,
     method: Method,
     progress: Callable[[float], None],
 ) -> tuple[Sequence[Observation], OdometryGate]:
@@ -91,7 +87,7 @@ def with_closed_loops(
     config = method.building
     keyframes = matcher.keyframes
     if config.odometry_drift:
-        separate_contradicted_drives(observations, matcher, loop_closures, config)
+        separate_contradicted_drives(observations, matcher, config)
     starts = keyframes.odometry_starts
     resumed = keyframes.resumed_starts
     gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed)
@@ -100,7 +96,7 @@ def with_closed_loops(
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
         before = odometry_of(observations)
-        closed = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
+        closed = ClosureSearch(observations, matcher, gate, config, progress).closed()
         observations, closures = closed.observations, closed.closures
         keyframes.correct(observations)
         if closures:
@@ -117,7 +113,7 @@ def with_closed_loops(
         gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
-    links = DriveLinkSearch(observations, starts, matcher, loop_closures, config).links()
+    links = DriveLinkSearch(observations, starts, matcher, config).links()
     return observations, OdometryGate(
         observations, config, drive_starts=starts, resumed=resumed, links=links, closures=closures
     )
@@ -148,7 +144,6 @@ class ClosureSearch:
 
     observations: Sequence[Observation]
     matcher: Matcher
-    loop_closures: LoopClosureVerifier
     gate: OdometryGate
     config: BuildingConfig
     progress: Callable[[float], None]
@@ -228,7 +223,7 @@ class ClosureSearch:
             frame = drive.stretch[drive.rows[number]].step
             nearby = gate.may_be_near(frame, [drive.stretch[row].step for row in near])
             others = self.matcher.promising(frame, nearby)
-            found += surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
+            found += surest_links(frame, others, self.matcher, self.config, gate=gate)
         return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import distance, relative, tilt_distance
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph import loop_closures
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable
@@ -46,7 +46,6 @@ class DriveLinkSearch:
     observations: Sequence[Observation]
     drive_starts: Sequence[FrameId]
     matcher: Matcher
-    loop_closures: LoopClosureVerifier
     config: BuildingConfig
 
     def links(self) -> tuple[DriveLink, ...]:
@@ -65,7 +64,6 @@ class DriveLinkSearch:
         gate = OdometryGate([*earlier, *later], self.config, drive_starts=self.drive_starts)
         met = _spread(earlier, min(_MOST_MET, max(len(earlier) // _MET_EVERY, _LEAST_MET)))
         asked = _spread(later, min(_MOST_ASKED, max(len(later) // _ASKED_EVERY, _LEAST_ASKED)))
-        search = self.matcher, self.loop_closures, self.config
         links = _Votes(gate)
         for number, frame in enumerate(_ever_denser(asked)):
             if number and number % _VOTE_EVERY == 0:
@@ -73,9 +71,9 @@ class DriveLinkSearch:
             if links.gate.knows(frame, met[0]):
                 if len(links.agreed) >= _ENOUGH:
                     continue
-                links.add(surest_links(frame, links.gate.may_be_near(frame, met), *search, best=1))
+                links.add(surest_links(frame, links.gate.may_be_near(frame, met), self.matcher, self.config, best=1))
             else:
-                links.add(surest_links(frame, met, *search))
+                links.add(surest_links(frame, met, self.matcher, self.config))
         links.vote(least=min(_LEAST_AGREEING, len(asked)))
         return links.agreed
 
@@ -143,7 +141,6 @@ def surest_links(
     frame: FrameId,
     others: Sequence[FrameId],
     matcher: Matcher,
-    loop_closures: LoopClosureVerifier,
     config: BuildingConfig,
     *,
     gate: OdometryGate | None = None,
@@ -159,7 +156,7 @@ def surest_links(
     if gate is not None:
         found = found.take(gate.plausible(frame, found))
     found = found.take(np.argsort(-found.reachability, kind="stable")[:best])
-    found = loop_closures.connections(frame, found, thresholds)
+    found = loop_closures.connections(frame, found, matcher, thresholds)
     return [DriveLink(frame, other, waypoint) for other, waypoint in zip(found.nodes, found.waypoints, strict=True)]
 
 

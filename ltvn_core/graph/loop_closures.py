@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import agree, compose, distance, relative, tilt_distance
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8
@@ -41,69 +42,64 @@ class ObservationSequence:
     """(K, 2) pitch and roll of the camera in rad; None if it cannot tilt, or the tilt is unknown."""
 
 
-class LoopClosureVerifier:
-    """Verifies a match along the two stretches of driving that it joins."""
+def connections(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: OperatorThresholds) -> Matches:
+    """Return the matches of a stored frame that become edges: those connectable before and after `supported` lowers
+    r."""
+    found = supported(frame, matches.take(connectable(matches, thresholds)), matcher, thresholds)
+    return found.take(connectable(found, thresholds))
 
-    def __init__(self, matcher: Matcher) -> None:
-        """Compare through `matcher`, whose keyframes contain the drives."""
-        self._matcher = matcher
-        self._keyframes = matcher.keyframes
-        self._reach = matcher.config.closure_reach
 
-    def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
-        """Return the matches of a stored frame that become edges: those connectable before and after `supported` lowers
-        r."""
-        supported = self.supported(frame, matches.take(connectable(matches, thresholds)), thresholds)
-        return supported.take(connectable(supported, thresholds))
+def supported(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: OperatorThresholds) -> Matches:
+    """Return the matches of a stored frame, each r lowered by contradicting evidence.
 
-    def supported(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
-        """Return the matches of a stored frame, each r lowered by contradicting evidence.
+    First the images near in time are compared, see `Matcher.with_mutual_support`. The matches that are then still
+    connectable are verified along the drive, see `verified`.
+    """
+    lowered = matcher.with_mutual_support(matches, frame)
+    return verified(frame, lowered, matcher, connectable(lowered, thresholds))
 
-        First the images near in time are compared, see `Matcher.with_mutual_support`. The matches that are then still
-        connectable are verified along the drive, see `verified`.
-        """
-        lowered = self._matcher.with_mutual_support(matches, frame)
-        return self.verified(frame, lowered, connectable(lowered, thresholds))
 
-    def verified(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
-        """Return the matches of a stored frame, with r set to 0 for those of `asked` (N,) that do not fit along the
-        drive.
+def verified(frame: FrameId, matches: Matches, matcher: Matcher, asked: NDArray[np.bool_]) -> Matches:
+    """Return the matches of a stored frame, with r set to 0 for those of `asked` (N,) that do not fit along the drive.
 
-        Matches with images close in time need no such proof.
-        """
-        if not self._reach or not asked.any():
-            return matches
-        trusted = matches.reachability.copy()
-        here = None
-        near = set(self._keyframes.temporal_window(frame, self._reach))
-        for k in np.flatnonzero(asked):
-            if matches.nodes[k] not in near:
-                here = here or self._sequence_around(frame)
-                trusted[k] *= self._fits(here, matches.nodes[k], matches.waypoints[k])
-        return matches.with_reachability(trusted)
+    Matches with images close in time need no such proof.
+    """
+    reach = matcher.config.closure_reach
+    if not reach or not asked.any():
+        return matches
+    trusted = matches.reachability.copy()
+    here = None
+    near = set(matcher.keyframes.temporal_window(frame, reach))
+    for k in np.flatnonzero(asked):
+        if matches.nodes[k] not in near:
+            here = here or _sequence_around(frame, matcher)
+            trusted[k] *= _fits(here, matches.nodes[k], matches.waypoints[k], matcher)
+    return matches.with_reachability(trusted)
 
-    def _fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint) -> bool:
-        """Tell whether a match with a node at `waypoint` (3,) fits along the drive; True if too few images overlap to
-        decide."""
-        there = self._sequence_around(node)
-        first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
-        if len(first) < _MIN_PAIRS:
-            return True
-        reachability, waypoints = self._matcher.match_pairs(here.features[first], there.features[second])
-        agreed = agree(expected, waypoints, _GAP) & (reachability > _MIN_REACHABILITY)
-        return bool(agreed.mean() >= _MIN_SHARE)
 
-    def _sequence_around(self, frame: FrameId) -> ObservationSequence:
-        """Return the images of the drive shortly before and after a frame."""
-        beside = self._keyframes.temporal_window(frame, self._reach)
-        seen = [self._keyframes.observation(other) for other in beside]
-        odometry = np.array([each.odometry for each in seen]).reshape(-1, 3)
-        tilts = [each.tilt for each in seen if each.tilt is not None]
-        return ObservationSequence(
-            self._keyframes.features(beside),
-            relative(self._keyframes.observation(frame).odometry, odometry),
-            np.array(tilts).reshape(-1, 2) if len(tilts) == len(seen) else None,
-        )
+def _fits(here: ObservationSequence, node: FrameId, waypoint: Waypoint, matcher: Matcher) -> bool:
+    """Tell whether a match with a node at `waypoint` (3,) fits along the drive; True if too few images overlap to
+    decide."""
+    there = _sequence_around(node, matcher)
+    first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
+    if len(first) < _MIN_PAIRS:
+        return True
+    reachability, waypoints = matcher.match_pairs(here.features[first], there.features[second])
+    agreed = agree(expected, waypoints, _GAP) & (reachability > _MIN_REACHABILITY)
+    return bool(agreed.mean() >= _MIN_SHARE)
+
+
+def _sequence_around(frame: FrameId, matcher: Matcher) -> ObservationSequence:
+    """Return the images of the drive shortly before and after a frame."""
+    keyframes = matcher.keyframes
+    beside = keyframes.temporal_window(frame, matcher.config.closure_reach)
+    seen = [keyframes.observation(other) for other in beside]
+    tilts = [each.tilt for each in seen if each.tilt is not None]
+    return ObservationSequence(
+        keyframes.features(beside),
+        relative(keyframes.observation(frame).odometry, odometry_of(seen)),
+        np.array(tilts).reshape(-1, 2) if len(tilts) == len(seen) else None,
+    )
 
 
 def _expected_overlaps(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.geometry import agree, relative
+from ltvn_core.graph import loop_closures
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import (
     Cause,
@@ -28,7 +29,6 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import localise
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.operators import (
@@ -75,7 +75,6 @@ class OnlineBuilder:
         self._keyframes = keyframes
         self._predictor = predictor
         self._matcher = Matcher(predictor, keyframes, method.matching)
-        self._loop_closures = LoopClosureVerifier(self._matcher)
         self._method = method
         self._thresholds = OperatorThresholds.building(method.building)
         self._reserve_limit = reserve_limit
@@ -109,7 +108,7 @@ class OnlineBuilder:
             if len(self._merged) > BRIDGES_TRIED:
                 del self._merged[next(iter(self._merged))]
             return []
-        chosen = self._loop_closures.connections(frame, found, self._thresholds)
+        chosen = loop_closures.connections(frame, found, self._matcher, self._thresholds)
         if not len(chosen):
             return self._bridged(frame)
         return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
@@ -122,7 +121,7 @@ class OnlineBuilder:
         known = [other for other, merging in self._merged.items() if merging.nodes[0] in graph.nodes]
         known = [other for other in known if other in graph.reserve and config.building.bridges]
         found = self._matcher.match(self._keyframes.features([frame]), known)
-        chosen = self._loop_closures.connections(frame, found, self._thresholds)
+        chosen = loop_closures.connections(frame, found, self._matcher, self._thresholds)
         if not len(chosen):
             self._pending[frame] = None
             return []
@@ -143,7 +142,7 @@ class OnlineBuilder:
                 del self._pending[frame]
                 continue
             found = self._matcher.match(self._keyframes.features([frame]), (fresh,))
-            chosen = self._loop_closures.connections(frame, found, self._thresholds)
+            chosen = loop_closures.connections(frame, found, self._matcher, self._thresholds)
             if len(chosen):
                 del self._pending[frame]
                 yield FramesReleased((frame,), Cause.ONLINE)
@@ -227,7 +226,7 @@ def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher
     thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
     if method.expanding.strict:
         # Merged images help here: they are in the reserve because they look like a node, and so bridge gaps.
-        chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
+        chosen = loop_closures.connections(frame, matches, matcher, thresholds)
         least = 2
     else:
         chosen = matches.take(connectable(matches, thresholds) & ~mergeable(matches, thresholds).any())

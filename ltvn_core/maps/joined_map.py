@@ -20,10 +20,10 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_points import obstacle_points, transform_points
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import agree, compose, distance, invert, relative
+from ltvn_core.graph import loop_closures
 from ltvn_core.graph.deltas import Cause, DriveBegun, PresenceObserved
 from ltvn_core.graph.free_floor import thinned
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import OperatorThresholds, connectable
@@ -254,7 +254,7 @@ class _Contradictions:
         thresholds = OperatorThresholds.building(self.system.method.building)
         found = found.take(np.argsort(-found.reachability, kind="stable")[:3])
         if held:
-            found = LoopClosureVerifier(matcher).connections(seen.step, found, thresholds)
+            found = loop_closures.connections(seen.step, found, matcher, thresholds)
         else:
             found = matcher.with_node_support(found, features)
             found = found.take(found.reachability > thresholds.connect_reachability)

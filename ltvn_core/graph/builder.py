@@ -71,7 +71,7 @@ def build(
         encoded(min(first + _ENCODED_AT_ONCE, len(observations)) / len(observations))
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
-        observations = mend_slips(observations, matcher, predictor.camera, shown.of(BuildStage.SLIPS))
+        observations = mend_slips(observations, matcher, shown.of(BuildStage.SLIPS))
     observations, odometry_gate = with_closed_loops(observations, matcher, method, shown.of(BuildStage.CLOSURES))
     run = _BuildRun(observations, matcher, odometry_gate, method, goals)
     run.run(rng, shown.of(BuildStage.PASSES))

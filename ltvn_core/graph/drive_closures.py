@@ -193,7 +193,7 @@ class ClosureSearch:
     def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink], course: OptimisedPoses) -> ClosedDrives:
         """Return the course that the depth images contradict least; odometry as it came if even that one is wrong. If
         it does not fit most closures, the search followed a false course, and is made once more."""
-        camera = self.matcher.camera
+        camera = self.matcher.predictor.camera
         height_m = self.matcher.keyframes.needed_space(camera).height_m
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
         surest = drive.judgement(found, overlay).surest(course)

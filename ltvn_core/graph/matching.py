@@ -5,11 +5,11 @@ Owns the calls of the predictor. Does not decide what a match means: `graph.oper
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import MatchingConfig
 from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -49,14 +49,7 @@ class Matches:
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Matches":
         """Return the chosen matches: a mask (N,) or indices."""
         kept = np.arange(len(self))[chosen]
-        nodes = tuple(self.nodes[k] for k in kept)
-        return Matches(
-            nodes=nodes,
-            reachability=self.reachability[kept],
-            waypoints=self.waypoints[kept],
-            distances=self.distances[kept],
-            ahead=self.ahead[kept],
-        )
+        return Matches(tuple(self.nodes[k] for k in kept), *(each[kept] for each in self._arrays))
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
         """Return the same matches with another reachability."""
@@ -64,38 +57,23 @@ class Matches:
 
     def concatenated(self, other: "Matches") -> "Matches":
         """Return these matches and others of the same image."""
-        return Matches(
-            self.nodes + other.nodes,
-            np.concatenate([self.reachability, other.reachability]),
-            np.concatenate([self.waypoints, other.waypoints]),
-            np.concatenate([self.distances, other.distances]),
-            np.concatenate([self.ahead, other.ahead]),
-        )
+        pairs = zip(self._arrays, other._arrays, strict=True)
+        return Matches(self.nodes + other.nodes, *map(np.concatenate, pairs))
+
+    @property
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.reachability, self.waypoints, self.distances, self.ahead
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Matcher:
     """Compares pairs of images with known features, using the predictor."""
 
-    def __init__(self, predictor: Predictor, keyframes: KeyframeStore, config: MatchingConfig) -> None:
-        """Compare with the images in `keyframes`."""
-        self._predictor = predictor
-        self._keyframes = keyframes
-        self._config = config
-
-    @property
-    def config(self) -> MatchingConfig:
-        """How images are compared."""
-        return self._config
-
-    @property
-    def camera(self) -> CameraModel:
-        """The camera of the images."""
-        return self._predictor.camera
-
-    @property
-    def keyframes(self) -> KeyframeStore:
-        """The images that can be compared against."""
-        return self._keyframes
+    predictor: Predictor
+    keyframes: KeyframeStore
+    """The images that can be compared against."""
+    config: MatchingConfig
+    """How images are compared."""
 
     def match(self, features: Features, nodes: Sequence[NodeId]) -> Matches:
         """Compare an image (1, F) with the images of `nodes`."""
@@ -109,14 +87,14 @@ class Matcher:
         is_skipped = (reachability < 0.5) & ~waypoints.any(axis=1)
         distances = np.where(is_skipped, np.inf, distance(waypoints))
         found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(features, found, backward) if self._config.both_directions else found
+        return self._both_ways(features, found, backward) if self.config.both_directions else found
 
     def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that may look like a stored frame; all of them if the predictor has no cheap test."""
-        may_match = getattr(self._predictor, "may_match", None)
+        may_match = getattr(self.predictor, "may_match", None)
         if may_match is None or not nodes:
             return tuple(nodes)
-        likely = may_match(self._keyframes.features([frame]), self._keyframes.features(nodes))
+        likely = may_match(self.keyframes.features([frame]), self.keyframes.features(nodes))
         return tuple(node for node, is_likely in zip(nodes, likely, strict=True) if is_likely)
 
     def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
@@ -132,8 +110,8 @@ class Matcher:
 
         A false match between perceptual aliases rarely survives a step to either side, but a true match does.
         """
-        own = self._keyframes.temporal_neighbours(frame, _SUPPORT_GAP)
-        return self._with_support(matches, self._keyframes.features([frame]), own)
+        own = self.keyframes.temporal_neighbours(frame, _SUPPORT_GAP)
+        return self._with_support(matches, self.keyframes.features([frame]), own)
 
     def with_node_support(self, matches: Matches, features: Features) -> Matches:
         """Return `matches` of a new image (1, F), each r lowered to the median over the nodes' neighbours in time."""
@@ -144,30 +122,30 @@ class Matcher:
 
         If they are few, the same call compares them with the image too, because a second call would cost more.
         """
-        if self._config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
-            return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self._keyframes.features(nodes))
-        predict_among = getattr(self._predictor, "predict_among", None)
-        held = None if predict_among is None else self._keyframes.held(nodes)
+        if self.config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
+            return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self.keyframes.features(nodes))
+        predict_among = getattr(self.predictor, "predict_among", None)
+        held = None if predict_among is None else self.keyframes.held(nodes)
         if predict_among is None or held is None:
-            return self._predictor.predict(features, self._keyframes.features(nodes)), None
+            return self.predictor.predict(features, self.keyframes.features(nodes)), None
         return predict_among(features, held), None
 
     def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Compare P pairs of images (P, F), (P, F) in both directions in one call."""
         count = len(first)
-        both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
+        both = self.predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
     def _both_ways(self, features: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Compare the near nodes with the image too, and keep the answer with the higher r."""
         # The network measures a motion by aligning both images, so its waypoint is right even where r is low, and only
         # the nodes that are near by this waypoint need the second comparison.
-        close = np.flatnonzero(found.distances < self._config.reverse_within)
+        close = np.flatnonzero(found.distances < self.config.reverse_within)
         if not len(close):
             return found
         if answered is None:
-            targets = self._keyframes.features([found.nodes[k] for k in close])
-            backward = self._predictor.predict(targets, np.repeat(features, len(close), axis=0))
+            targets = self.keyframes.features([found.nodes[k] for k in close])
+            backward = self.predictor.predict(targets, np.repeat(features, len(close), axis=0))
         else:
             backward = Prediction(*(part[close] for part in answered))
         better = backward.reachability > found.reachability[close]
@@ -179,13 +157,13 @@ class Matcher:
         return found
 
     def _with_support(self, matches: Matches, features: Features, own: Sequence[FrameId]) -> Matches:
-        if not self._config.temporal_support or not len(matches):
+        if not self.config.temporal_support or not len(matches):
             return matches
         images, nodes, owners = self._neighbouring_pairs(matches, features, own)
         if not len(owners):
             return matches
         ahead = matches.ahead[owners][:, None]
-        answers = self._predictor.predict(np.where(ahead, images, nodes), np.where(ahead, nodes, images))
+        answers = self.predictor.predict(np.where(ahead, images, nodes), np.where(ahead, nodes, images))
         medians = [
             np.median([matches.reachability[k], *answers.reachability[owners == k]]) for k in range(len(matches))
         ]
@@ -196,15 +174,15 @@ class Matcher:
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs of images (P, F), (P, F) that are neighbours in time of the matches, and the match (P,) of
         each pair."""
-        beside = [self._keyframes.temporal_neighbours(node, _SUPPORT_GAP) for node in matches.nodes]
+        beside = [self.keyframes.temporal_neighbours(node, _SUPPORT_GAP) for node in matches.nodes]
         counts = [len(frames) for frames in beside]
         here = [
             np.repeat(features, sum(counts), axis=0),
-            np.repeat(self._keyframes.features(own), len(matches), axis=0),
+            np.repeat(self.keyframes.features(own), len(matches), axis=0),
         ]
         there = [
-            self._keyframes.features([frame for frames in beside for frame in frames]),
-            np.tile(self._keyframes.features(matches.nodes), (len(own), 1)),
+            self.keyframes.features([frame for frames in beside for frame in frames]),
+            np.tile(self.keyframes.features(matches.nodes), (len(own), 1)),
         ]
         owners = [np.repeat(np.arange(len(matches)), counts), np.tile(np.arange(len(matches)), len(own))]
         return np.concatenate(here), np.concatenate(there), np.concatenate(owners)

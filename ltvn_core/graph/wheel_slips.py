@@ -320,11 +320,12 @@ class SlipCheck:
 
 
 def mend_slips(
-    observations: Sequence[Observation], matcher: Matcher, camera: CameraModel, progress: Callable[[float], None]
+    observations: Sequence[Observation], matcher: Matcher, progress: Callable[[float], None]
 ) -> Sequence[Observation]:
     """Return images with odometry corrected for wheel slips, also in the matcher's keyframes, which note it."""
     keyframes = matcher.keyframes
     check = SlipCheck(matcher)
+    camera = matcher.predictor.camera
     mended = without_slips(observations, camera, keyframes.odometry_starts, check.confirms, progress)
     if check.errors:
         moved = odometry_of(mended) - odometry_of(observations)

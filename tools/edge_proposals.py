@@ -19,7 +19,7 @@ from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable
+from ltvn_core.graph.operators import connectable, mergeable
 from ltvn_core.network.training_data.pose_sampling import DatasetScene
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.network.training_data.shards import label_image_pairs
@@ -136,7 +136,7 @@ class EdgeProposals:
         self._method = method
         self._matcher = Matcher(predictor, drive.keyframes, method.matching)
         self._odometry_gate = OdometryGate(drive.observations, method.building)
-        self._thresholds = OperatorThresholds.building(method.building)
+        self._thresholds = method.building
         self._reachability, self._waypoints = _most_reachable_direction(drive, method)
         both = drive.reachable.T if method.matching.both_directions else np.zeros_like(drive.reachable)
         self._true = drive.reachable | both

@@ -10,9 +10,8 @@ from ltvn_core.analysis.edge_story import EdgeRow, EdgeStory, edge_story
 from ltvn_core.analysis.plan_explanation import CAUSE_TEXTS, Reason, belief_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
-from ltvn_core.config import BeliefConfig
+from ltvn_core.config import BeliefConfig, BuildingConfig
 from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
-from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import Localised
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId
@@ -96,7 +95,7 @@ def explain_edge(
     at: Instant | None = None,
     believing: BeliefConfig | None = None,
     seen: tuple[float, float] | None = None,
-    thresholds: OperatorThresholds | None = None,
+    thresholds: BuildingConfig | None = None,
 ) -> tuple[Reason, ...]:
     """Explain the belief of an edge at an instant, or why it is gone or missing; at the end of the run without one.
 
@@ -124,7 +123,7 @@ def _missing(
     story: EdgeStory,
     at: Instant | None,
     seen: tuple[float, float] | None,
-    thresholds: OperatorThresholds | None,
+    thresholds: BuildingConfig | None,
 ) -> Iterator[Reason]:
     graph = timeline.graph_at(at)
     source, target = story.source, story.target

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import distance
 from ltvn_core.graph import loop_closures
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
 REACH = 30
@@ -47,7 +47,7 @@ class BridgeSearch:
         observations: Sequence[Observation],
         matcher: Matcher,
         odometry_gate: OdometryGate,
-        thresholds: OperatorThresholds,
+        thresholds: BuildingConfig,
     ) -> None:
         """Join images that are connectable by `thresholds`, the thresholds of the last pass."""
         self._frames = sorted(seen.step for seen in observations)

@@ -26,7 +26,6 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import Newcomers, OdometryGate
 from ltvn_core.graph.operators import (
-    OperatorThresholds,
     connectable,
     nearest_mergeable,
     node_from_observation,
@@ -135,7 +134,7 @@ class _BuildRun:
         self._matcher = matcher
         self._odometry_gate = odometry_gate
         self._method = method
-        self._thresholds = OperatorThresholds.building(method.building)
+        self._thresholds = method.building
         self._second_pass_thresholds = replace(self._thresholds, connect_reachability=SECOND_PASS_REACHABILITY)
         self._bridges = BridgeSearch(observations, matcher, odometry_gate, self._second_pass_thresholds)
         self._goals = set(goals)

@@ -18,7 +18,7 @@ from ltvn_core.geometry import distance, relative, tilt_distance
 from ltvn_core.graph import loop_closures
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.operators import connectable
 from ltvn_core.types import FrameId, Observation
 
 _APART = 0.35
@@ -150,13 +150,12 @@ def surest_links(
 
     With a `gate`, odometry must allow them, too.
     """
-    thresholds = OperatorThresholds.building(config)
     found = matcher.match(matcher.keyframes.features([frame]), others)
-    found = found.take(connectable(found, thresholds))
+    found = found.take(connectable(found, config))
     if gate is not None:
         found = found.take(gate.plausible(frame, found))
     found = found.take(np.argsort(-found.reachability, kind="stable")[:best])
-    found = loop_closures.connections(frame, found, matcher, thresholds)
+    found = loop_closures.connections(frame, found, matcher, config)
     return [DriveLink(frame, other, waypoint) for other, waypoint in zip(found.nodes, found.waypoints, strict=True)]
 
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import agree, compose, distance, relative, tilt_distance
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.operators import connectable
 from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import Features, FrameId, Waypoint
 
@@ -42,14 +43,14 @@ class ObservationSequence:
     """(K, 2) pitch and roll of the camera in rad; None if it cannot tilt, or the tilt is unknown."""
 
 
-def connections(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: OperatorThresholds) -> Matches:
+def connections(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: BuildingConfig) -> Matches:
     """Return the matches of a stored frame that become edges: those connectable before and after `supported` lowers
     r."""
     found = supported(frame, matches.take(connectable(matches, thresholds)), matcher, thresholds)
     return found.take(connectable(found, thresholds))
 
 
-def supported(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: OperatorThresholds) -> Matches:
+def supported(frame: FrameId, matches: Matches, matcher: Matcher, thresholds: BuildingConfig) -> Matches:
     """Return the matches of a stored frame, each r lowered by contradicting evidence.
 
     First the images near in time are compared, see `Matcher.with_mutual_support`. The matches that are then still

@@ -33,13 +33,13 @@ from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.operators import (
     AttemptEvidence,
-    OperatorThresholds,
     connectable,
     mergeable,
     nearest_mergeable,
     node_from_observation,
     node_with_edges,
     novel_node,
+    novel_thresholds,
     update_edge,
 )
 from ltvn_core.graph.planner import GraphPath, Planner, edge_cost
@@ -76,7 +76,7 @@ class OnlineBuilder:
         self._predictor = predictor
         self._matcher = Matcher(predictor, keyframes, method.matching)
         self._method = method
-        self._thresholds = OperatorThresholds.building(method.building)
+        self._thresholds = method.building
         self._reserve_limit = reserve_limit
         self._pending: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
@@ -223,7 +223,7 @@ def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher
     nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
     nodes = nodes[:NEIGHBOURS] if method.expanding.strict else nodes
     matches = matcher.match(matcher.keyframes.features([frame]), nodes)
-    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
+    thresholds = novel_thresholds(method.building)
     if method.expanding.strict:
         # Merged images help here: they are in the reserve because they look like a node, and so bridge gaps.
         chosen = loop_closures.connections(frame, matches, matcher, thresholds)

@@ -27,44 +27,26 @@ _NOVEL_CONNECT, _NOVEL_MERGE = 1.3, 0.6
 """Factors on D_c and D_m for novel nodes: the paper makes the first looser and the second smaller."""
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorThresholds:
-    """The thresholds of the two operators."""
-
-    merge_distance: float
-    """D_m: greatest d for merging."""
-    connect_distance: float
-    """D_c: greatest d for an edge."""
-    connect_reachability: float
-    """R_c: least r for an edge."""
-
-    @classmethod
-    def building(cls, config: BuildingConfig) -> "OperatorThresholds":
-        """Return the thresholds of Algorithm 1."""
-        return cls(config.merge_distance, config.connect_distance, config.connect_reachability)
-
-    def for_novel_nodes(self) -> "OperatorThresholds":
-        """Return the thresholds for novel nodes: D_c looser, D_m smaller."""
-        return replace(
-            self,
-            merge_distance=self.merge_distance * _NOVEL_MERGE,
-            connect_distance=self.connect_distance * _NOVEL_CONNECT,
-        )
+def novel_thresholds(building: BuildingConfig) -> BuildingConfig:
+    """Return the thresholds for novel nodes: D_c looser, D_m smaller."""
+    return replace(
+        building,
+        merge_distance=building.merge_distance * _NOVEL_MERGE,
+        connect_distance=building.connect_distance * _NOVEL_CONNECT,
+    )
 
 
-def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
+def mergeable(matches: Matches, thresholds: BuildingConfig) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether the image merges with it: d < D_m."""
     return (matches.distances < thresholds.merge_distance) & (matches.reachability > _MERGE_REACHABILITY)
 
 
-def connectable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
+def connectable(matches: Matches, thresholds: BuildingConfig) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether an edge may join it to the image: d < D_c and r > R_c."""
     return (matches.distances < thresholds.connect_distance) & (matches.reachability > thresholds.connect_reachability)
 
 
-def nearest_mergeable(
-    frame: FrameId, found: Matches, matcher: Matcher, thresholds: OperatorThresholds
-) -> Matches | None:
+def nearest_mergeable(frame: FrameId, found: Matches, matcher: Matcher, thresholds: BuildingConfig) -> Matches | None:
     """Return the match of the node that a stored frame merges with, the nearest one; None if there is none."""
     alike = found.take(mergeable(found, thresholds))
     # One by one, because temporal support is expensive and the nearest node nearly always has it.
@@ -209,7 +191,7 @@ def novel_node(
 
     D_c is looser and D_m smaller than in building.
     """
-    thresholds = OperatorThresholds.building(method.building).for_novel_nodes()
+    thresholds = novel_thresholds(method.building)
     if observation.step in graph.nodes or observation.step in graph.reserve:
         return ()
     matches = matcher.match(features, tuple(graph.nodes))

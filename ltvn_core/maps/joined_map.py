@@ -26,7 +26,7 @@ from ltvn_core.graph.free_floor import thinned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.operators import connectable
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed, nearby_poses
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.drive_alignment import drive_movements, moved_graph, moved_keyframes
@@ -251,7 +251,7 @@ class _Contradictions:
         features = self._features(seen)
         matcher = self._matcher
         found = matcher.match(features, earlier)
-        thresholds = OperatorThresholds.building(self.system.method.building)
+        thresholds = self.system.method.building
         found = found.take(np.argsort(-found.reachability, kind="stable")[:3])
         if held:
             found = loop_closures.connections(seen.step, found, matcher, thresholds)
@@ -269,7 +269,7 @@ class _Contradictions:
         poses = {node: pose for node, pose in nearby_poses(self.graph, driven.node).items() if node < first}
         nodes = sorted(poses, key=lambda node: float(distance(relative(driven.pose, poses[node]))))[:_NEAR_NODES]
         found = self._matcher.match(self._features(seen), nodes)
-        found = found.take(connectable(found, OperatorThresholds.building(self.system.method.building)))
+        found = found.take(connectable(found, self.system.method.building))
         expected = relative(driven.pose, np.array([poses[node] for node in found.nodes]).reshape(-1, 3))
         found = found.take(agree(expected, found.waypoints, _DRIFT))
         if not len(found):

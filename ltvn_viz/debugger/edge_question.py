@@ -31,7 +31,6 @@ from ltvn_core.analysis.timeline_records import AttemptRecord, MarkKind
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose, distance
 from ltvn_core.graph.deltas import Edge
-from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import count_text
 from ltvn_core.types import NodeId, Waypoint
@@ -268,7 +267,7 @@ def _add_edge_reasons(context: DebugContext, story: EdgeStory, builder: AnswerBu
         at=context.instant,
         believing=context.method.believing,
         seen=_seen(context, story.edge) if story.last is None else None,
-        thresholds=OperatorThresholds.building(context.method.building),
+        thresholds=context.method.building,
     )
     _chain(context, title, reasons, builder)
     if story.planned_at:

@@ -11,7 +11,6 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, PlanningConfig
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Planned, QueryStarted
@@ -55,7 +54,7 @@ def test_an_edge_no_plan_led_through_was_not_chosen() -> None:
 
 
 def test_a_missing_edge_is_missing_because_of_a_threshold() -> None:
-    thresholds = OperatorThresholds.building(PAPER.building)
+    thresholds = PAPER.building
     texts = [reason.text for reason in explain_edge(runs.timeline(), 0, 2, seen=(0.9, 2.0), thresholds=thresholds)]
     assert texts == [
         "There has never been an edge 0 -> 2.",

@@ -20,7 +20,7 @@ from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.closure_judgement import ClosureJudgement
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
-from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
+from ltvn_core.graph.drive_links import drive_links, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_contradictions import PassOverlay
 from ltvn_core.graph.matching import Matcher, Matches
@@ -47,7 +47,7 @@ def separate_contradicted_drives(observations: Sequence[Observation], matcher: M
             continue
         own = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first)]
         before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
-        links = DriveLinkSearch([*before, *own], [first], matcher, config).links()
+        links = drive_links([*before, *own], [first], matcher, config)
         gate = OdometryGate([*before, *own], config)
         allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
         if 2 * sum(allowed) < len(links):
@@ -113,7 +113,7 @@ def with_closed_loops(
         gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
-    links = DriveLinkSearch(observations, starts, matcher, config).links()
+    links = drive_links(observations, starts, matcher, config)
     return observations, OdometryGate(
         observations, config, drive_starts=starts, resumed=resumed, links=links, closures=closures
     )

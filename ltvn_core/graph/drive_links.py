@@ -8,7 +8,6 @@ a few votes (ours). Owns that vote; the matches come from the network.
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -39,43 +38,44 @@ _LEAST_AGREEING = 3
 """Least number of matches that must agree; fewer count as perceptual aliases."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DriveLinkSearch:
-    """Searches for links between the drives of one map."""
+def drive_links(
+    observations: Sequence[Observation], drive_starts: Sequence[FrameId], matcher: Matcher, config: BuildingConfig
+) -> tuple[DriveLink, ...]:
+    """Return the links between all drives of one map; a few thousand comparisons for each pair of drives."""
+    drives: dict[int, list[Observation]] = {}
+    for seen in sorted(observations, key=lambda seen: seen.step):
+        drives.setdefault(bisect_right(drive_starts, seen.step), []).append(seen)
+    found = list[DriveLink]()
+    for earlier, later in combinations(drives.values(), 2):
+        gate = OdometryGate([*earlier, *later], config, drive_starts=drive_starts)
+        found += _links_between(earlier, later, gate, matcher, config)
+    return tuple(found)
 
-    observations: Sequence[Observation]
-    drive_starts: Sequence[FrameId]
-    matcher: Matcher
-    config: BuildingConfig
 
-    def links(self) -> tuple[DriveLink, ...]:
-        """Return the links between all drives; a few thousand comparisons for each pair of drives."""
-        drives: dict[int, list[Observation]] = {}
-        for seen in sorted(self.observations, key=lambda seen: seen.step):
-            drives.setdefault(bisect_right(self.drive_starts, seen.step), []).append(seen)
-        return tuple(link for pair in combinations(drives.values(), 2) for link in self._between(*pair))
+def _links_between(
+    earlier: Sequence[Observation],
+    later: Sequence[Observation],
+    gate: OdometryGate,
+    matcher: Matcher,
+    config: BuildingConfig,
+) -> list[DriveLink]:
+    """Return the links between two drives that agree.
 
-    def _between(self, earlier: Sequence[Observation], later: Sequence[Observation]) -> list[DriveLink]:
-        """Return the links between two drives that agree.
-
-        The images of the later drive are compared in an order that covers it ever more densely. When many agree on the
-        transform, the others are compared only with the images that are near by it.
-        """
-        gate = OdometryGate([*earlier, *later], self.config, drive_starts=self.drive_starts)
-        met = _spread(earlier, min(_MOST_MET, max(len(earlier) // _MET_EVERY, _LEAST_MET)))
-        asked = _spread(later, min(_MOST_ASKED, max(len(later) // _ASKED_EVERY, _LEAST_ASKED)))
-        links = _Votes(gate)
-        for number, frame in enumerate(_ever_denser(asked)):
-            if number and number % _VOTE_EVERY == 0:
-                links.vote(least=_SURE)
-            if links.gate.knows(frame, met[0]):
-                if len(links.agreed) >= _ENOUGH:
-                    continue
-                links.add(surest_links(frame, links.gate.may_be_near(frame, met), self.matcher, self.config, best=1))
-            else:
-                links.add(surest_links(frame, met, self.matcher, self.config))
-        links.vote(least=min(_LEAST_AGREEING, len(asked)))
-        return links.agreed
+    The images of the later drive are compared in an order that covers it ever more densely. When many agree on the
+    transform, the others are compared only with the images that are near by it.
+    """
+    met = _spread(earlier, min(_MOST_MET, max(len(earlier) // _MET_EVERY, _LEAST_MET)))
+    asked = _spread(later, min(_MOST_ASKED, max(len(later) // _ASKED_EVERY, _LEAST_ASKED)))
+    links = _Votes(gate)
+    for number, frame in enumerate(_ever_denser(asked)):
+        if number and number % _VOTE_EVERY == 0:
+            links.vote(least=_SURE)
+        if not links.gate.knows(frame, met[0]):
+            links.add(surest_links(frame, met, matcher, config))
+        elif len(links.agreed) < _ENOUGH:
+            links.add(surest_links(frame, links.gate.may_be_near(frame, met), matcher, config, best=1))
+    links.vote(least=min(_LEAST_AGREEING, len(asked)))
+    return links.agreed
 
 
 class _Votes:

@@ -71,7 +71,9 @@ def build(
     matcher = Matcher(predictor, keyframes, method.matching)
     if method.matching.mend_slips:
         observations = mend_slips(observations, matcher, shown.of(BuildStage.SLIPS))
-    observations, odometry_gate = with_closed_loops(observations, matcher, method, shown.of(BuildStage.CLOSURES))
+    observations, odometry_gate = with_closed_loops(
+        observations, matcher, method.building, shown.of(BuildStage.CLOSURES)
+    )
     run = _BuildRun(observations, matcher, odometry_gate, method, goals)
     run.run(rng, shown.of(BuildStage.PASSES))
     run.keep_largest_pieces()

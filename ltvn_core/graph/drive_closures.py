@@ -10,20 +10,21 @@ import logging
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
+from functools import partial
+from itertools import compress, groupby
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import BuildingConfig, Method
-from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.config import BuildingConfig
+from ltvn_core.geometry import compose, distance, lengths_along, relative
 from ltvn_core.graph.closure_judgement import ClosureJudgement
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
 from ltvn_core.graph.drive_links import drive_links, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_contradictions import PassOverlay
-from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
 from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, deviations, optimise
 from ltvn_core.graph.trajectory import odometry_of
@@ -49,8 +50,7 @@ def separate_contradicted_drives(observations: Sequence[Observation], matcher: M
         before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
         links = drive_links([*before, *own], [first], matcher, config)
         gate = OdometryGate([*before, *own], config)
-        allowed = [gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all() for link in links]
-        if 2 * sum(allowed) < len(links):
+        if 2 * sum(gate.allows(link) for link in links) < len(links):
             log.warning(
                 "Images contradict that odometry continues at image %d; only recognised images join that drive.", first
             )
@@ -75,28 +75,23 @@ _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 
 
 def with_closed_loops(
-    observations: Sequence[Observation],
-    matcher: Matcher,
-    method: Method,
-    progress: Callable[[float], None],
+    observations: Sequence[Observation], matcher: Matcher, config: BuildingConfig, progress: Callable[[float], None]
 ) -> tuple[Sequence[Observation], OdometryGate]:
     """Return the images with odometry corrected by loop closures, and the odometry gate of the corrected images.
 
     The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
     """
-    config = method.building
     keyframes = matcher.keyframes
     if config.odometry_drift:
         separate_contradicted_drives(observations, matcher, config)
     starts = keyframes.odometry_starts
-    resumed = keyframes.resumed_starts
-    gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed)
+    gate_of = partial(OdometryGate, config=config, drive_starts=starts, resumed=keyframes.resumed_starts)
     if not config.odometry_drift:
-        return observations, gate
+        return observations, gate_of(observations)
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
         before = odometry_of(observations)
-        closed = ClosureSearch(observations, matcher, gate, config, progress).closed()
+        closed = ClosureSearch(observations, matcher, gate_of(observations), config, progress).closed()
         observations, closures = closed.observations, closed.closures
         keyframes.correct(observations)
         if closures:
@@ -110,13 +105,8 @@ def with_closed_loops(
         unsure = closed.deviations[closed.deviations[:, 0] > _UNSURE_M]
         if len(unsure):
             keyframes.corrections.append(Correction.of(UNSURE, unsure, np.empty((0, 3)), count=len(unsure)))
-        gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
-    if not starts:
-        return observations, gate
-    links = drive_links(observations, starts, matcher, config)
-    return observations, OdometryGate(
-        observations, config, drive_starts=starts, resumed=resumed, links=links, closures=closures
-    )
+    links = drive_links(observations, starts, matcher, config) if starts else None
+    return observations, gate_of(observations, links=links, closures=closures)
 
 
 def _errors(closures: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
@@ -165,13 +155,9 @@ class ClosureSearch:
 
     def _stretches(self) -> Iterator[list[Observation]]:
         """Yield the stretches of images within which odometry is unbroken."""
-        stretch = list[Observation]()
-        for seen in sorted(self.observations, key=lambda seen: seen.step):
-            if stretch and not self.gate.same_stretch(stretch[-1].step, seen.step):
-                yield stretch
-                stretch = []
-            stretch.append(seen)
-        yield stretch
+        ordered = sorted(self.observations, key=lambda seen: seen.step)
+        for _, images in groupby(zip(self.gate.stretch, ordered, strict=True), key=lambda each: each[0]):
+            yield [seen for _, seen in images]
 
     def _closed_stretch(self, drive: "_KeyImages", done: int) -> ClosedDrives:
         """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images
@@ -243,7 +229,7 @@ class _KeyImages:
     def of(cls, stretch: Sequence[Observation]) -> Self:
         odometry = np.array([seen.odometry for seen in stretch])
         rows = _key_rows(odometry)
-        return cls(stretch, odometry, rows, _driven_m(odometry)[rows])
+        return cls(stretch, odometry, rows, lengths_along(odometry[:, :2])[rows])
 
     def judgement(self, found: Sequence[DriveLink], overlay: PassOverlay) -> ClosureJudgement:
         """Return the judgement of the closures found between key images."""
@@ -303,10 +289,6 @@ def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:
         if distance(relative(odometry[rows[-1]], odometry[row])) >= _KEY_GAP:
             rows.append(row)
     return np.unique([*rows, len(odometry) - 1])
-
-
-def _driven_m(odometry: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(odometry[:, :2], axis=0).T))])
 
 
 def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:

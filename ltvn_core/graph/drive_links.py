@@ -15,7 +15,7 @@ import numpy as np
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import distance, relative, tilt_distance
 from ltvn_core.graph import loop_closures
-from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.operators import connectable
 from ltvn_core.types import FrameId, Observation
@@ -97,9 +97,9 @@ class _Votes:
             number = len(self._found)
             self._found.append(link)
             self._alone.append(self.gate.linked([link]))
-            self._supporters.append({k for k, other in enumerate(self._found) if _allows(self._alone[-1], other)})
+            self._supporters.append({k for k, other in enumerate(self._found) if self._alone[-1].allows(other)})
             for k in range(number):
-                if _allows(self._alone[k], link):
+                if self._alone[k].allows(link):
                     self._supporters[k].add(number)
 
     def vote(self, *, least: int) -> None:
@@ -118,10 +118,6 @@ class _Votes:
             left = {n for n in left if not gate.knows(self._found[n].frame, self._found[n].other)}
         self.agreed = [self._found[number] for number in agreed]
         self.gate = self.gate.linked(self.agreed)
-
-
-def _allows(gate: OdometryGate, link: DriveLink) -> bool:
-    return bool(gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all())
 
 
 def _ever_denser(frames: Sequence[FrameId]) -> Iterator[FrameId]:

@@ -71,7 +71,7 @@ class CourseErrors:
         known = np.isfinite(path_m)
         self._off_m = np.hypot(gaps[known, 0], gaps[known, 1])
         self._off_rad = np.abs(wrap_angle(gaps[known, 2]))
-        self._passes = KDTree(gate.along_m(ends[known].ravel()).reshape(-1, 2))
+        self._passes = KDTree(gate.along_m[ends[known]])
         self._growth_m = _growth(self._off_m, path_m[known], _PLANE_MEDIAN, (_USUAL_M, _LEAST_M))
         self._growth_rad = _growth(self._off_rad, path_m[known], _MEDIAN, (_USUAL_RAD, _LEAST_RAD))
 
@@ -87,7 +87,7 @@ class CourseErrors:
         """Tell whether the images around two nodes, along the drive, say another relative pose than odometry."""
         if not self._passes.n:
             return False
-        passes = self._gate.along_m(self._gate.rows([source, target]))
+        passes = self._gate.along_m[self._gate.rows([source, target])]
         # Within a pass of their own, the images between the two nodes say nothing about both.
         reach_m = min(_SAME_PASS_M, float(np.ptp(passes)) / 3)
         near = self._passes.query_ball_point(passes, reach_m, p=np.inf)

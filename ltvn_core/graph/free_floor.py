@@ -53,7 +53,7 @@ class FreeFloor:
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._shown_m = np.stack([scan.shown_m for scan in scans])
         self._near: dict[NodeId, _Elsewhere] = {}
-        self._stretch_of, poses = gate.placed(self._rows)
+        self._stretch_of, poses = gate.stretch[self._rows], gate.poses[self._rows]
         own = {stretch: np.flatnonzero(self._stretch_of == stretch) for stretch in np.unique(self._stretch_of).tolist()}
         self._stretches = {stretch: self._stretch(images, poses[images]) for stretch, images in own.items()}
 
@@ -63,13 +63,12 @@ class FreeFloor:
         A quick test that excludes most lines, because these lead through walls; `targets` are the rows (M,) of the
         images there. Lines to another stretch of odometry may be free by the images of either.
         """
-        (stretch,), (pose,) = self._gate.placed(np.array([source]))
-        others, places = self._gate.placed(targets)
+        stretch, others = self._gate.stretch[source], self._gate.stretch[targets]
         points = np.linspace(0, 1, _FEW + 2)[1:-1, None, None] * waypoints[:, :2]
-        seen = self._stretches[int(stretch)].shows(transform_points(points.reshape(-1, 2), pose))
+        seen = self._stretches[int(stretch)].shows(transform_points(points.reshape(-1, 2), self._gate.poses[source]))
         seen = seen.reshape(_FEW, len(waypoints))
         for k in np.flatnonzero(others != stretch):
-            there = compose(places[k], invert(waypoints[k]))
+            there = compose(self._gate.poses[targets[k]], invert(waypoints[k]))
             seen[:, k] |= self._stretches[int(others[k])].shows(transform_points(points[:, k], there))
         return np.logical_and.reduce(seen, axis=0)
 
@@ -79,9 +78,10 @@ class FreeFloor:
         clear_m = self._space.radius_m + float(np.hypot(_MARGIN_M, error_m / 2))
         end = target.waypoints[0, :2]
         way = np.linspace(0, 1, max(int(np.hypot(*end) / _SPACING_M), 1) + 1)[:, None] * end
-        (number,), (pose,) = self._gate.placed(self._gate.rows([source]))
+        (row,) = self._gate.rows([source])
+        number = self._gate.stretch[row]
         stretch = self._stretches[int(number)]
-        line = transform_points(way, pose)
+        line = transform_points(way, self._gate.poses[row])
         own = stretch.images[distances_to_way(stretch.places, line[0], line[-1]) < RANGE_M]
         elsewhere = self._elsewhere(source)
         images = np.concatenate([own, elsewhere.images])
@@ -102,8 +102,7 @@ class FreeFloor:
     def _elsewhere(self, source: NodeId) -> "_Elsewhere":
         """Return the images of other stretches that a line from a node may pass."""
         if source not in self._near:
-            (number,), _ = self._gate.placed(self._gate.rows([source]))
-            images = np.flatnonzero(self._stretch_of != number)
+            images = np.flatnonzero(self._stretch_of != self._gate.stretch[self._gate.rows([source])])
             poses, driven_m = self._gate.seen_from(source, self._rows[images])
             near = np.hypot(poses[:, 0], poses[:, 1]) < LONGEST_M + RANGE_M
             self._near[source] = _Elsewhere(images[near], poses[near], driven_m[near])

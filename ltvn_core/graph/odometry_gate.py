@@ -63,7 +63,7 @@ class OdometryGate:
         links: Sequence[DriveLink] | None = None,
         closures: Sequence[DriveLink] = (),
     ) -> None:
-        """Use the images in the order of their frames.
+        """Use N images; their rows are in the order of their frames.
 
         If odometry was corrected by `closures`, drift grows along the shortest path, on which a closure is a step.
 
@@ -75,21 +75,24 @@ class OdometryGate:
         """
         ordered = sorted(observations, key=lambda seen: seen.step)
         self._row = {seen.step: k for k, seen in enumerate(ordered)}
-        self._poses = np.array([seen.odometry for seen in ordered])
-        steps_m = np.hypot(*np.diff(self._poses[:, :2], axis=0).T)
-        self._path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+        self.poses: Pose = np.array([seen.odometry for seen in ordered])
+        """(N, 3) by odometry, each in the odometry frame of its stretch."""
+        steps_m = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        self.along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+        """(N,) distance driven before each image, in metres."""
         frames = np.array([seen.step for seen in ordered])
         self._drive = np.searchsorted(np.sort([*drive_starts]), frames, side="right")
         self._moves = np.zeros(len(ordered), bool)
         """(N,) whether each image belongs to a drive whose odometry changes."""
         for number in np.unique(self._drive):
             own = self._drive == number
-            self._moves[own] = bool(np.ptp(self._poses[own], axis=0).any())
+            self._moves[own] = bool(np.ptp(self.poses[own], axis=0).any())
         breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
-        self._segment = np.concatenate([[0], np.cumsum(breaks)])
+        self.stretch = np.concatenate([[0], np.cumsum(breaks)])
+        """(N,) number of the stretch of unbroken odometry to which each image belongs."""
         self._near: dict[int, NDArray[np.int32]] = {}
         self._remembered = 0
-        self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
+        self._ways = _ShortestWays(self.along_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
         self._links = _Links.of(links or (), self._row)
         stamps_s = np.array([seen.stamp for seen in ordered])
@@ -110,7 +113,7 @@ class OdometryGate:
     def near_rows(self, row: int) -> NDArray[np.int32]:
         """Return the rows (K,), in order, of all images that could be within D_c or D_m of the image in a row, itself
         included, and of a few others: `may_be_near` excludes those."""
-        rows = np.arange(len(self._poses))
+        rows = np.arange(len(self.poses))
         if not self._config.odometry_drift:
             return rows.astype(np.int32)
         if row not in self._near:
@@ -119,7 +122,7 @@ class OdometryGate:
                 self._remembered = 0
             driven, path_m = self._way(row, rows)
             # Another link may give another relative pose of such an image, or give it from the other side.
-            factor = np.where(self._segment == self._segment[row], 1.0, _OTHER_LINK)
+            factor = np.where(self.stretch == self.stretch[row], 1.0, _OTHER_LINK)
             near = np.hypot(driven[:, 0], driven[:, 1]) - _ROUNDING <= self._reach_m + factor * self._allowance_m(
                 path_m
             )
@@ -150,6 +153,10 @@ class OdometryGate:
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
         return (gap_m <= self._allowance_m(path_m)) & (gap_rad <= self._allowance_rad(path_m))
 
+    def allows(self, link: DriveLink) -> bool:
+        """Tell whether odometry allows a link."""
+        return bool(self.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all())
+
     def driven(self, frame: FrameId, other: FrameId) -> Waypoint | None:
         """Return the pose (3,) of an image seen from another, by odometry alone.
 
@@ -158,11 +165,11 @@ class OdometryGate:
         here = self._row[frame]
         there = self._row[other]
         between = slice(min(here, there), max(here, there))
-        if not self._config.odometry_drift or self._segment[here] != self._segment[there]:
+        if not self._config.odometry_drift or self.stretch[here] != self.stretch[there]:
             return None
         if self._pauses[between].any():
             return None
-        return relative(self._poses[here], self._poses[there])
+        return relative(self.poses[here], self.poses[there])
 
     def rows(self, frames: Sequence[FrameId]) -> NDArray[np.intp]:
         """Return the rows (N,) of images, by which `seen_from` finds them."""
@@ -177,19 +184,6 @@ class OdometryGate:
         driven, path_m = self._way(self._row[frame], rows)
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
 
-    def along_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return the distances (N,) driven before the images in some rows (N,), in metres."""
-        return self._path_m[rows]
-
-    def placed(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], Pose]:
-        """Return the numbers (N,) of the stretches of unbroken odometry to which images in some rows (N,) belong, and
-        their poses (N, 3) in the odometry frames of these stretches."""
-        return self._segment[rows], self._poses[rows]
-
-    def same_stretch(self, frame: FrameId, other: FrameId) -> bool:
-        """Tell whether odometry is unbroken between two images."""
-        return bool(self._segment[self._row[frame]] == self._segment[self._row[other]])
-
     def knows(self, frame: FrameId, other: FrameId) -> bool:
         """Tell whether odometry and links together give the relative pose of two images."""
         _, path_m = self._way(self._row[frame], self.rows([other]))
@@ -201,24 +195,24 @@ class OdometryGate:
 
         A length is infinite if the pose is unknown, and -infinite if the two count as different places.
         """
-        driven = relative(self._poses[here], self._poses[there])
-        same = self._segment[there] == self._segment[here]
+        driven = relative(self.poses[here], self.poses[there])
+        same = self.stretch[there] == self.stretch[here]
         apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
         path_m = np.where(same, self._ways.between(here, there), np.where(apart, -np.inf, np.inf))
-        from_here = np.flatnonzero(self._segment[self._links.near] == self._segment[here])
+        from_here = np.flatnonzero(self.stretch[self._links.near] == self.stretch[here])
         if not len(from_here) or same.all():
             return driven, path_m
         near = self._links.near[from_here]
         far = self._links.far[from_here]
         other = np.flatnonzero(~same)
         lengths = self._ways.between(here, near)[:, None] + self._ways.between_all(far, there[other])
-        lengths[self._segment[far][:, None] != self._segment[there[other]]] = np.inf
+        lengths[self.stretch[far][:, None] != self.stretch[there[other]]] = np.inf
         best = lengths.argmin(axis=0)
         linked = np.isfinite(lengths[best, np.arange(len(other))])
         best = best[linked]
         other = other[linked]
-        to_far = compose(relative(self._poses[here], self._poses[near]), self._links.steps[from_here])
-        driven[other] = compose(to_far[best], relative(self._poses[far[best]], self._poses[there[other]]))
+        to_far = compose(relative(self.poses[here], self.poses[near]), self._links.steps[from_here])
+        driven[other] = compose(to_far[best], relative(self.poses[far[best]], self.poses[there[other]]))
         path_m[other] = lengths[best, np.flatnonzero(linked)]
         return driven, path_m
 

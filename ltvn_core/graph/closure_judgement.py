@@ -92,10 +92,8 @@ class ClosureJudgement:
                 if key in tried or len(tried) >= _MOST_TRIED:
                     continue
                 tried.add(key)
-                if rejected:
-                    yield optimise(self.poses, self.odometry, self.closures, sure=group)
-                else:
-                    yield self._optimised(self.poses, ~group)
+                chosen = {"sure": group} if rejected else {"among": ~group}
+                yield optimise(self.poses, self.odometry, self.closures, **chosen)
 
     def _judged(self, course: OptimisedPoses) -> "JudgedCourse":
         return JudgedCourse(course, self.overlay.contradicted(course.poses))
@@ -103,13 +101,7 @@ class ClosureJudgement:
     def _refined(self, poses: Pose) -> OptimisedPoses:
         """Return the course that fits the closures best that lie near another course (K, 3)."""
         near = np.linalg.norm(self.closures.errors(poses), axis=1) < _NEAR
-        return self._optimised(poses, near)
-
-    def _optimised(self, poses: Pose, among: NDArray[np.bool_]) -> OptimisedPoses:
-        found = optimise(self.poses, self.odometry, self.closures.among(among))
-        kept = np.zeros(len(among), np.bool_)
-        kept[among] = found.kept
-        return OptimisedPoses(found.poses, kept)
+        return optimise(self.poses, self.odometry, self.closures, among=near)
 
     def _groups(self, closures: NDArray[np.bool_], reach_m: float) -> Iterator[NDArray[np.bool_]]:
         """Yield masks (C,) of the largest groups of some closures (C,): those between the same two stretches."""

@@ -68,17 +68,22 @@ class OptimisedPoses(NamedTuple):
 
 
 def optimise(
-    poses: Pose, odometry: RelativePoses, closures: RelativePoses, *, sure: NDArray[np.bool_] | None = None
+    poses: Pose,
+    odometry: RelativePoses,
+    closures: RelativePoses,
+    *,
+    among: NDArray[np.bool_] | bool = True,
+    sure: NDArray[np.bool_] | bool = False,
 ) -> OptimisedPoses:
     """Return the poses that agree best with odometry and the true closures, starting from a first guess (N, 3).
 
     Odometry must be a chain that joins all poses in order. A closure between places farther apart than the distance
-    driven between them counts as false from the beginning, because one such closure would bend everything. The closures
-    (K,) that are `sure` count as true.
+    driven between them counts as false from the beginning, because one such closure would bend everything. Only
+    closures in the mask `among` (K,) can count as true; those in `sure` (K,) do.
     """
-    possible = _within_the_way(odometry, closures)
-    sure = np.zeros(len(possible), np.bool_) if sure is None else sure
-    found = _optimise_possible(poses, odometry, closures.among(possible), sure[possible])
+    possible = _within_the_way(odometry, closures) & among
+    sure = np.broadcast_to(sure, len(possible))[possible]
+    found = _optimise_possible(poses, odometry, closures.among(possible), sure)
     kept = np.zeros(len(possible), np.bool_)
     kept[possible] = found.kept
     return OptimisedPoses(found.poses, kept)

@@ -78,8 +78,10 @@ class KeyframeStore:
         self._rows: dict[FrameId, int] = {}
         self._order: list[FrameId] = []
         self._free: list[int] = []
-        self._drive_starts: list[FrameId] = []
-        self._resumed: list[FrameId] = []
+        self.drive_starts: tuple[FrameId, ...] = ()
+        """The first frame of each drive, in order; empty for a single drive."""
+        self.resumed_starts: tuple[FrameId, ...] = ()
+        """The first frames of drives that continue the odometry of the drive before, in order."""
         self._features: FeatureRows | None = None
         self._keys: FeatureRows | None = None
         self._stamps = FeatureRows(np.array(0))
@@ -104,19 +106,9 @@ class KeyframeStore:
         return tuple(self._order)
 
     @property
-    def drive_starts(self) -> tuple[FrameId, ...]:
-        """The first frame of each drive, in order; empty for a single drive."""
-        return tuple(self._drive_starts)
-
-    @property
-    def resumed_starts(self) -> tuple[FrameId, ...]:
-        """The first frames of drives that continue the odometry of the drive before, in order."""
-        return tuple(self._resumed)
-
-    @property
     def odometry_starts(self) -> tuple[FrameId, ...]:
         """The first frame of each drive whose odometry restarts, in order; empty for a single drive."""
-        return tuple(frame for frame in self._drive_starts if frame not in self._resumed)
+        return tuple(frame for frame in self.drive_starts if frame not in self.resumed_starts)
 
     def needed_space(self, camera: CameraModel) -> NeededSpace:
         """Return the space that the robot needs free; an assumed one if the robot behind this camera is unknown."""
@@ -130,16 +122,16 @@ class KeyframeStore:
             resumed: Those of `frames` whose drive continues the odometry of the drive before; `maps.joined_drives`
                 decides which.
         """
-        self._drive_starts = sorted({*self._drive_starts, *frames})
-        self._resumed = sorted({*self._resumed, *resumed})
+        self.drive_starts = tuple(sorted({*self.drive_starts, *frames}))
+        self.resumed_starts = tuple(sorted({*self.resumed_starts, *resumed}))
 
     def restart_odometry(self, frame: FrameId) -> None:
         """Mark that odometry restarts at the first frame of a drive."""
-        self._resumed = [other for other in self._resumed if other != frame]
+        self.resumed_starts = tuple(other for other in self.resumed_starts if other != frame)
 
     def drive_of(self, frame: FrameId) -> int:
         """Return the number of the drive that a frame belongs to."""
-        return bisect_right(self._drive_starts, frame)
+        return bisect_right(self.drive_starts, frame)
 
     def add(self, observations: Sequence[Observation], features: Features | None = None) -> None:
         """Add images; new ones are encoded in one batch unless their features (N, F) are given."""

@@ -141,8 +141,9 @@ def floor_edges(
             continue
         is_one_place = np.hypot(*pair.matches.waypoints[0, :2]) <= _PLACE_M
         if is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m):
-            ways.add(pair)
-            yield from (pair.there, pair.back)
+            for added in (pair.there, pair.back):
+                ways.add(added.edge)
+                yield added
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,11 +203,11 @@ class _Ways:
         self._onward: dict[NodeId, dict[NodeId, float]] = {node: {} for node in graph.nodes}
         """For each node the least cost of an edge to each of its successors."""
         for edge in graph.edges.values():
-            self._add(edge)
+            self.add(edge)
 
-    def add(self, pair: _Pair) -> None:
-        self._add(pair.there.edge)
-        self._add(pair.back.edge)
+    def add(self, edge: Edge) -> None:
+        onward = self._onward[edge.source]
+        onward[edge.target] = min(edge_cost(edge.belief, self._config), onward.get(edge.target, inf))
 
     def are_shortened_by(self, pair: _Pair) -> bool:
         """Tell whether the path between two nodes costs much more without their edge.
@@ -226,7 +227,3 @@ class _Ways:
                     costs[other] = total
                     heappush(ahead, (total, other))
         return True
-
-    def _add(self, edge: Edge) -> None:
-        onward = self._onward[edge.source]
-        onward[edge.target] = min(edge_cost(edge.belief, self._config), onward.get(edge.target, inf))

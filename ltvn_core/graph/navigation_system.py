@@ -33,7 +33,7 @@ from ltvn_core.graph.localiser import Localisation, LocalisationPrior
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import EdgeWeight
-from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, AlwaysOpen, EdgePresence
+from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
@@ -141,4 +141,4 @@ class NavigationSystem:
     @property
     def follows_presence(self) -> bool:
         """Whether the system distinguishes an edge that is closed now from one that does not exist."""
-        return not isinstance(self.presence, AlwaysOpen)
+        return type(self.presence) is not EdgePresence

@@ -7,7 +7,7 @@ them; and the choice between a detour and a path through a closed edge. All are 
 import itertools
 import math
 from collections.abc import Collection, Mapping
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from ltvn_core.graph.deltas import Cause, PresenceObserved
 from ltvn_core.graph.planner import GraphPath, Planner
@@ -55,19 +55,6 @@ def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple
     return _observed(graph, dict.fromkeys((driven, *together), stamp), present=True, driven=driven)
 
 
-def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return observations that edges seen free, and the other edges closed by the same thing, are open.
-
-    The other edges count as open only if a large enough share of the thing's edges was seen free, because a few paths
-    may be free although the thing is still there.
-    """
-    known = [key for key in seen if key in graph.presence]
-    groups = _closed_together(graph, known)
-    gone = (keys for keys in groups if len(keys.intersection(known)) >= _SEEN_SHARE * len(keys))
-    opened = dict.fromkeys((*known, *itertools.chain.from_iterable(gone)), stamp)
-    return _observed(graph, opened, present=True, driven=None)
-
-
 def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list[set[EdgeKey]]:
     """Return, for each moment at which one of `keys` was seen closed, all edges that were last seen closed at that
     moment.
@@ -106,7 +93,7 @@ EdgeProbabilities: TypeAlias = Mapping[EdgeKey, float]
 """p(open) of each edge that may be closed; all other edges are open."""
 
 
-class EdgePresence(Protocol):
+class EdgePresence:
     """Predicts p(open) of edges. What a subclass leaves out needs no observations, and leaves every edge open."""
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
@@ -124,11 +111,8 @@ class EdgePresence(Protocol):
         return ()
 
 
-class AlwaysOpen(EdgePresence):
-    """Presence for a system that does not model it: every edge that exists is open."""
-
-
-ALWAYS_OPEN = AlwaysOpen()
+ALWAYS_OPEN = EdgePresence()
+"""Presence for a system that does not model it: every edge that exists is open."""
 
 
 class FilteredPresence(EdgePresence):
@@ -159,8 +143,16 @@ class FilteredPresence(EdgePresence):
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return observations that these edges, and others closed by the same obstacle, are open."""
-        return seen_open_deltas(graph, seen, stamp)
+        """Return observations that edges seen free, and the other edges closed by the same thing, are open.
+
+        The other edges count as open only if a large enough share of the thing's edges was seen free, because a few
+        paths may be free although the thing is still there.
+        """
+        known = [key for key in seen if key in graph.presence]
+        groups = _closed_together(graph, known)
+        gone = (keys for keys in groups if len(keys.intersection(known)) >= _SEEN_SHARE * len(keys))
+        opened = dict.fromkeys((*known, *itertools.chain.from_iterable(gone)), stamp)
+        return _observed(graph, opened, present=True, driven=None)
 
 
 OPEN_ABOVE = 0.5

@@ -22,7 +22,7 @@ from ltvn_core.graph.deltas import (
 from ltvn_core.graph.ltvn import PresenceMaintenance
 from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence, seen_open_deltas
+from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_presence
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.presence.presence_filter import PERSISTENT
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
@@ -134,7 +134,7 @@ def test_of_two_doors_that_are_seen_at_once_one_opens_without_the_other() -> Non
     for delta in MAINTENANCE.after_attempt(graph, fail(both, stamp=7.0)):
         graph.apply(delta)
     assert set(graph.presence) == {(1, 2), (2, 1), (3, 4), (4, 3)}
-    opened = seen_open_deltas(graph, [(3, 4)], 900.0)
+    opened = FilteredPresence(PERSISTENT).observe_open(graph, [(3, 4)], 900.0)
     assert {(each.source, each.target) for each in opened} == {(3, 4), (4, 3)}
 
 
@@ -143,7 +143,7 @@ def test_what_a_second_look_finds_closed_belongs_to_what_the_first_did() -> None
     for stamp, leaf in ((7.0, door(1.5, -0.5, 0.5)), (9.0, door(1.3, -0.5, 0.5))):
         for delta in MAINTENANCE.after_attempt(graph, fail(seen(leaf), stamp=stamp)):
             graph.apply(delta)
-    assert len(seen_open_deltas(graph, [(3, 2)], 900.0)) == 3
+    assert len(FilteredPresence(PERSISTENT).observe_open(graph, [(3, 2)], 900.0)) == 3
 
 
 def failures(graph: TopologicalGraph, key: EdgeKey, count: int = 12) -> bool:

@@ -42,7 +42,7 @@ from ltvn_core.graph.operators import (
     novel_thresholds,
     update_edge,
 )
-from ltvn_core.graph.planner import GraphPath, Planner, edge_cost
+from ltvn_core.graph.planner import GraphPath, Planner, edge_cost, reachable_nodes
 from ltvn_core.graph.presence.edge_presence import obstructed_deltas, open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor, is_usable
@@ -183,18 +183,6 @@ def expand(
         if path.nodes:
             return _restricted_to_path(path, added, graph)
     return ()
-
-
-def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
-    """Return all nodes that can be reached from `start`, or from which it can be reached, including itself."""
-    step = graph.predecessors if backwards else graph.successors
-    seen = {start}
-    frontier = [start]
-    while frontier:
-        fresh = set(step(frontier.pop())) - seen
-        seen |= fresh
-        frontier.extend(fresh)
-    return seen
 
 
 def _candidates(

@@ -113,14 +113,12 @@ class Planner:
         for key, cost in penalties.items():
             self._set_cost(key, self._weight(self._graph.edges[key].belief) + cost)
         try:
-            return self._dijkstra(source, goal)
+            return self._dijkstra(self._index[source], self._index[goal])
         finally:
             for key in penalties:
                 self._set_cost(key, self._weight(self._graph.edges[key].belief))
 
-    def _dijkstra(self, source: NodeId, goal: NodeId) -> GraphPath:
-        start = self._index[source]
-        end = self._index[goal]
+    def _dijkstra(self, start: int, end: int) -> GraphPath:
         found = rustworkx.dijkstra_shortest_paths(self._mirror, start, end, weight_fn=float)
         if end not in found:
             return NO_PATH
@@ -162,6 +160,13 @@ def mirrored(
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
     mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in edges])
     return mirror, index
+
+
+def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
+    """Return all nodes that can be reached from `start`, or from which it can be reached, including itself."""
+    mirror, index = mirrored(graph, graph.edges)
+    found = (rustworkx.ancestors if backwards else rustworkx.descendants)(mirror, index[start])
+    return {start, *(mirror[k] for k in found)}
 
 
 def strongly_connected_components(

@@ -13,7 +13,8 @@ from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.ltvn import OnlineBuilder, reachable_nodes
+from ltvn_core.graph.ltvn import OnlineBuilder
+from ltvn_core.graph.planner import reachable_nodes
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour, two_rooms

@@ -6,10 +6,10 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Cause, EdgePruned, FramesReleased, FramesReserved, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.ltvn import NEIGHBOURS, SAMPLES, expand, reachable_nodes
+from ltvn_core.graph.ltvn import NEIGHBOURS, SAMPLES, expand
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
-from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.planner import Planner, reachable_nodes
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId
 from tests.core.flat_world import FlatPredictor, observation_at, one_room

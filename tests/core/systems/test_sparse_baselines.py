@@ -11,11 +11,10 @@ from ltvn_core.config import ROBUST
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
-from ltvn_core.graph.ltvn import reachable_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import AttemptEvidence
-from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.planner import Planner, reachable_nodes
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems import temporal_distance
 from ltvn_core.systems.brm import posterior

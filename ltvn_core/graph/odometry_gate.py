@@ -6,7 +6,7 @@ after a restart, and between two drives, relative poses are known only through l
 odometry of the other (`maps.joined_drives`). A drive whose odometry never moves counts as a drive without odometry.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Self
@@ -90,11 +90,8 @@ class OdometryGate:
         breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self.stretch = np.concatenate([[0], np.cumsum(breaks)])
         """(N,) number of the stretch of unbroken odometry to which each image belongs."""
-        self._near: dict[int, NDArray[np.int32]] = {}
-        self._remembered = 0
         self._ways = _ShortestWays(self.along_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
-        self._separates = links is not None
-        self._links = _Links.of(links or (), self._row)
+        self._use_links(links)
         stamps_s = np.array([seen.stamp for seen in ordered])
         self._pauses = np.abs(np.diff(stamps_s)) > PAUSE_S
         begun = np.searchsorted(frames, sorted(resumed))
@@ -104,11 +101,22 @@ class OdometryGate:
     def linked(self, links: Sequence[DriveLink]) -> Self:
         """Return the gate of the same images with other links."""
         gate = copy(self)
-        gate._links = _Links.of(links, self._row)
-        gate._separates = True
-        gate._near = {}
-        gate._remembered = 0
+        gate._use_links(links)
         return gate
+
+    def _use_links(self, links: Sequence[DriveLink] | None) -> None:
+        """Use links in both directions, L of them; `links` is None if no search was made."""
+        self._separates = links is not None
+        ends = np.array([(self._row[link.frame], self._row[link.other]) for link in links or ()], np.intp).reshape(
+            -1, 2
+        )
+        steps = np.array([link.waypoint for link in links or ()], np.float64).reshape(-1, 3)
+        self._links = np.concatenate([ends, ends[:, ::-1]])
+        """(L, 2) rows of the images at which links begin and end."""
+        self._link_steps: Waypoint = np.concatenate([steps, invert(steps)])
+        """(L, 3) poses of the second images in the frames of the first."""
+        self._near: dict[int, NDArray[np.int32]] = {}
+        self._remembered = 0
 
     def near_rows(self, row: int) -> NDArray[np.int32]:
         """Return the rows (K,), in order, of all images that could be within D_c or D_m of the image in a row, itself
@@ -199,11 +207,10 @@ class OdometryGate:
         same = self.stretch[there] == self.stretch[here]
         apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
         path_m = np.where(same, self._ways.between(here, there), np.where(apart, -np.inf, np.inf))
-        from_here = np.flatnonzero(self.stretch[self._links.near] == self.stretch[here])
+        from_here = np.flatnonzero(self.stretch[self._links[:, 0]] == self.stretch[here])
         if not len(from_here) or same.all():
             return driven, path_m
-        near = self._links.near[from_here]
-        far = self._links.far[from_here]
+        near, far = self._links[from_here].T
         other = np.flatnonzero(~same)
         lengths = self._ways.between(here, near)[:, None] + self._ways.between_all(far, there[other])
         lengths[self.stretch[far][:, None] != self.stretch[there[other]]] = np.inf
@@ -211,7 +218,7 @@ class OdometryGate:
         linked = np.isfinite(lengths[best, np.arange(len(other))])
         best = best[linked]
         other = other[linked]
-        to_far = compose(relative(self.poses[here], self.poses[near]), self._links.steps[from_here])
+        to_far = compose(relative(self.poses[here], self.poses[near]), self._link_steps[from_here])
         driven[other] = compose(to_far[best], relative(self.poses[far[best]], self.poses[there[other]]))
         path_m[other] = lengths[best, np.flatnonzero(linked)]
         return driven, path_m
@@ -226,28 +233,6 @@ class OdometryGate:
     @staticmethod
     def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Links:
-    """Links in both directions, L of them."""
-
-    near: NDArray[np.intp]
-    """(L,) rows of the images at which links begin."""
-    far: NDArray[np.intp]
-    """(L,) rows of the images at which they end."""
-    steps: Waypoint
-    """(L, 3) poses of the second images in the frames of the first."""
-
-    @classmethod
-    def of(cls, links: Sequence[DriveLink], rows: Mapping[FrameId, int]) -> Self:
-        ends = np.array([(rows[link.frame], rows[link.other]) for link in links], np.intp).reshape(-1, 2)
-        steps = np.array([link.waypoint for link in links], np.float64).reshape(-1, 3)
-        return cls(
-            np.concatenate([ends[:, 0], ends[:, 1]]),
-            np.concatenate([ends[:, 1], ends[:, 0]]),
-            np.concatenate([steps, invert(steps)]),
-        )
 
 
 class _ShortestWays:

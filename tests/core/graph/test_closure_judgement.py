@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.closure_judgement import ClosureJudgement
-from ltvn_core.graph.map_contradictions import PassOverlay
+from ltvn_core.graph.closure_judgement import ClosureJudgement, PassOverlay
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose

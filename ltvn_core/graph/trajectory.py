@@ -14,8 +14,15 @@ from ltvn_core.types import FrameId, Observation, Pose, Predictor, is_usable
 log = logging.getLogger(__name__)
 
 
-def check_trajectory(observations: Sequence[Observation], goals: Collection[FrameId] = ()) -> None:
-    """Raise MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames."""
+def usable_trajectory(
+    observations: Sequence[Observation], predictor: Predictor, goals: Collection[FrameId] = ()
+) -> Sequence[Observation]:
+    """Return the images of a trajectory that a predictor can compare, and log how many it cannot.
+
+    Raises:
+        MapError: The trajectory is empty, frame numbers repeat, or goals are not frames; or no image has the depth that
+            the predictor needs, or a goal has none.
+    """
     if not observations:
         raise MapError("The trajectory is empty; drive and record some images before building a map.")
     frames = [seen.step for seen in observations]
@@ -23,17 +30,6 @@ def check_trajectory(observations: Sequence[Observation], goals: Collection[Fram
         raise MapError("Frame numbers repeat in the trajectory; each image needs its own.")
     if unknown := set(goals) - set(frames):
         raise MapError(f"The goal frames {sorted(unknown)[:5]} are not in the trajectory.")
-
-
-def usable_trajectory(
-    observations: Sequence[Observation], predictor: Predictor, goals: Collection[FrameId] = ()
-) -> Sequence[Observation]:
-    """Return the images of a trajectory that a predictor can compare, and log how many it cannot.
-
-    Raises:
-        MapError: As `check_trajectory`; or no image has the depth that the predictor needs, or a goal has none.
-    """
-    check_trajectory(observations, goals)
     usable = [seen for seen in observations if is_usable(seen, predictor)]
     if len(usable) == len(observations):
         return observations

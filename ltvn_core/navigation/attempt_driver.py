@@ -139,7 +139,7 @@ class AttemptDriver:
         """Tell whether to wait because people nearby may clear the way; if so, allow all detours again."""
         if self._patience_steps <= 0:
             return False
-        people = transform_points(self.obstacles.people(self._motion.stamp), invert(self._motion.odometry))
+        people = transform_points(self.obstacles.bystanders.near(self._motion.stamp), invert(self._motion.odometry))
         if not ((people[:, 0] > 0) & (np.hypot(*people.T) < _WAITED_FOR_M)).any():
             return False
         self._detour = None
@@ -166,7 +166,7 @@ class AttemptDriver:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = steering.drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
-        about = self.obstacles.people_are_about(self._motion.stamp)
+        about = self.obstacles.bystanders.are_about(self._motion.stamp)
         is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
         self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
@@ -284,7 +284,7 @@ class AttemptDriver:
     def _careful(self, twist: Twist) -> Twist:
         """Return a command slowed down near people; people whom the robot has passed are ignored."""
         odometry = self._motion.odometry
-        people = transform_points(self.obstacles.people(self._motion.stamp), invert(odometry))
+        people = transform_points(self.obstacles.bystanders.near(self._motion.stamp), invert(odometry))
         people = people[people[:, 0] * np.sign(twist.linear_m_s) > 0]
         if not len(people):
             return twist
@@ -298,13 +298,13 @@ class AttemptDriver:
         if self.avoid_obstacles(ahead, length_m) == ahead:
 
             def nobody_comes() -> bool:
-                is_alone = not self.obstacles.people_are_about(self._motion.stamp)
+                is_alone = not self.obstacles.bystanders.are_about(self._motion.stamp)
                 return is_alone or self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
             yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=nobody_comes)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
-        if self.obstacles.people_are_about(self._motion.stamp):
+        if self.obstacles.bystanders.are_about(self._motion.stamp):
             return  # The camera looks the other way, so the robot stands still and touches nobody.
         length_m = _BACK_OFF_M if backwards else -_BACK_OFF_M
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)

@@ -139,7 +139,8 @@ class ObstacleMemory:
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
-        self._bystanders = bystanders
+        self.bystanders = bystanders or Bystanders()
+        """People whom the robot met; nobody where moving things are not watched."""
         self._movement = None if bystanders is None else MovingObstacles(bystanders)
         self._moving = np.empty((0, 2))
         """(M, 2) moving points in the newest image, in the odometry frame."""
@@ -157,7 +158,7 @@ class ObstacleMemory:
         gap = relative(self._last_pose, odometry)
         if np.hypot(gap[0], gap[1]) > _UPDATE_AFTER_M or abs(gap[2]) > _UPDATE_AFTER_RAD:
             return True
-        return stamp - self._last_stamp > _ATTENTIVE_S and len(self.people(stamp)) > 0
+        return stamp - self._last_stamp > _ATTENTIVE_S and len(self.bystanders.near(stamp)) > 0
 
     def add(self, observation: Observation) -> None:
         """Remember the obstacles in an image; an image that repeats the last one, or has no depth, adds none."""
@@ -179,7 +180,7 @@ class ObstacleMemory:
         points = things[nearby & ~moves]
         self._moving = things[nearby & moves]
         # People are remembered separately, because their points would stay after they have left.
-        for place in self.people(observation.stamp):
+        for place in self.bystanders.near(observation.stamp):
             points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(_surfaces(scan, points))
 
@@ -202,14 +203,6 @@ class ObstacleMemory:
         scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, self._height_m)
         things = transform_points(seen[solid, :2], observation.odometry)
         return scan, things, depths_m[solid] < RELEVANT_RANGE_M
-
-    def people(self, stamp: float) -> NDArray[np.float64]:
-        """Return (N, 2) last known positions of people at `stamp` seconds, in the odometry frame."""
-        return np.empty((0, 2)) if self._bystanders is None else self._bystanders.near(stamp)
-
-    def people_are_about(self, stamp: float) -> bool:
-        """Tell whether motion was seen in the time before `stamp` seconds, so that a person may come from anywhere."""
-        return self._bystanders is not None and self._bystanders.are_about(stamp)
 
     def moves_ahead(self, odometry: Pose) -> bool:
         """Tell whether something moves close ahead of a robot at `odometry` (3,)."""
@@ -249,7 +242,7 @@ class ObstacleMemory:
         `keeping_from_people`, points are added around each person, at the distance to keep.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
-        people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []
+        people = [place + _RING for place in self.bystanders.near(self._last_stamp)] if keeping_from_people else []
         moving = [self._moving, *(self._moving + side for side in _SIDES_M)]  # They may be beside their places next.
         known = [*self._seen, *collision_points, *moving, *people]
         points = (np.concatenate(known) - odometry[:2]) @ rotation(float(odometry[2]))

@@ -55,7 +55,7 @@ def test_who_walks_across_moves_and_who_has_stopped_does_not(robot: SimulatedRob
         robot.apply(person_before(pose, 0.9, left_m))
         moved = look(robot, memory)
     assert moved == [True]
-    assert memory.people_are_about(robot.stamp)
+    assert memory.bystanders.are_about(robot.stamp)
     assert look(robot, memory, 3)[-1] is False, "who stands is an obstacle like others"
     assert len(memory.nearby_points(robot.state().odometry)) > 20
 
@@ -63,10 +63,10 @@ def test_who_walks_across_moves_and_who_has_stopped_does_not(robot: SimulatedRob
 def test_who_walks_far_away_is_noticed_and_not_waited_for(robot: SimulatedRobot) -> None:
     memory, pose = watching(), robot.exact_pose
     assert look(robot, memory, 4) == [False] * 4
-    assert not memory.people_are_about(robot.stamp)
+    assert not memory.bystanders.are_about(robot.stamp)
     robot.apply(person_before(pose, 1.7, 0.1))
     assert look(robot, memory) == [False]
-    assert memory.people_are_about(robot.stamp)
+    assert memory.bystanders.are_about(robot.stamp)
 
 
 def test_the_robot_keeps_more_distance_from_what_moves(robot: SimulatedRobot) -> None:
@@ -92,7 +92,7 @@ def test_nothing_moves_while_the_robot_drives_about_in_a_world_that_stands_still
             robot.drive(twist)
             robot.advance(CONTROL_STEP_S)
         memory.add(robot.observe())
-        moved.append(memory.moves_ahead(robot.state().odometry) or memory.people_are_about(robot.stamp))
+        moved.append(memory.moves_ahead(robot.state().odometry) or memory.bystanders.are_about(robot.stamp))
     assert not any(moved)
 
 

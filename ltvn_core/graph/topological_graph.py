@@ -71,7 +71,8 @@ class TopologicalGraph:
         self._names: dict[str, NodeId] = {}
         self._successors: dict[NodeId, dict[NodeId, None]] = {}
         self._predecessors: dict[NodeId, dict[NodeId, None]] = {}
-        self._version = 0
+        self.version = 0
+        """Number of deltas applied; a cache is stale if this differs."""
         for delta in deltas:
             self.apply(delta)
 
@@ -124,11 +125,6 @@ class TopologicalGraph:
         """Nodes named by a person, by name; read only."""
         return MappingProxyType(self._names)
 
-    @property
-    def version(self) -> int:
-        """Number of deltas applied; a cache is stale if this differs."""
-        return self._version
-
     def successors(self, node: NodeId) -> KeysView[NodeId]:
         """Nodes that edges lead to from `node`; empty for a node that is not in the map."""
         return self._successors.get(node, {}).keys()
@@ -166,7 +162,7 @@ class TopologicalGraph:
                 self._release(delta)
             case _:
                 assert_never(delta)
-        self._version += 1
+        self.version += 1
 
     def deltas(self, cause: d.Cause = d.Cause.LOAD) -> tuple[d.GraphDelta, ...]:
         """Return the shortest history whose fold equals this graph."""

@@ -137,10 +137,10 @@ def _least_squares(
     """Take Gauss-Newton steps, limited in number."""
     closures, weights = closures.among(weights > 0), weights[weights > 0]
     for _ in range(most_steps):
-        first = _linearised(poses, odometry, 1.0)
-        second = _linearised(poses, closures, weights)
-        gradient = (first.jacobian.T @ first.errors + second.jacobian.T @ second.errors)[3:]
-        step = solver.solve(_normal(first, second), -gradient, accuracy).reshape(-1, 3)
+        driving, driving_errors = _linearised(poses, odometry, 1.0)
+        closing, closing_errors = _linearised(poses, closures, weights)
+        gradient = (driving.T @ driving_errors + closing.T @ closing_errors)[3:]
+        step = solver.solve(_normal(driving, closing), -gradient, accuracy).reshape(-1, 3)
         poses = np.concatenate([poses[:1], poses[1:] + step])
         if np.abs(step).max(initial=0.0) < _CONVERGED:
             break
@@ -160,13 +160,14 @@ def deviations(poses: Pose, odometry: RelativePoses, closures: RelativePoses) ->
     if there are enough closures for that. All closures count as true; odometry must be a chain, as in `optimise`.
     """
     rows = np.unique(np.linspace(1, len(poses) - 1, min(_ASKED, len(poses) - 1)).astype(np.intp))
-    both = _linearised(poses, odometry, 1.0), _linearised(poses, closures, 1.0)
-    factors = _factors(_normal(*both))
+    driving, driving_errors = _linearised(poses, odometry, 1.0)
+    closing, closing_errors = _linearised(poses, closures, 1.0)
+    factors = _factors(_normal(driving, closing))
     parts = np.array_split(rows, -(-len(rows) // _ASKED_AT_ONCE))  # A column of the inverse is as long as the drive.
     variances = np.concatenate([_variances(factors, part) for part in parts])
     redundancy = 3.0 * np.broadcast_to(closures.shares, len(closures.first)).sum()
     if redundancy >= _LEAST_REDUNDANCY:
-        variances *= sum(float(each.errors @ each.errors) for each in both) / redundancy
+        variances *= sum(float(errors @ errors) for errors in (driving_errors, closing_errors)) / redundancy
     sizes = np.sqrt(np.stack([variances[:, :2].sum(axis=1), variances[:, 2]]))
     return np.stack([np.interp(np.arange(len(poses)), [0, *rows], [0.0, *each]) for each in sizes], axis=-1)
 
@@ -208,20 +209,16 @@ def _factors(normal: csc_array) -> SuperLU:
     return splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-class _Linearised(NamedTuple):
-    jacobian: csc_array
-    """(3 M, 3 N) derivatives of the errors with respect to the poses."""
-    errors: NDArray[np.float64]
-    """(3 M,) weighted errors."""
+def _normal(first: csc_array, second: csc_array) -> csc_array:
+    """Return the normal matrix (3 N - 3, 3 N - 3) of all poses but the first, which is fixed, from two Jacobians."""
+    return csc_array((first.T @ first + second.T @ second)[3:, 3:])
 
 
-def _normal(first: _Linearised, second: _Linearised) -> csc_array:
-    """Return the normal matrix (3 N - 3, 3 N - 3) of all poses but the first, which is fixed."""
-    return csc_array((first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:])
-
-
-def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64] | float) -> _Linearised:
-    """Return the weighted errors of M measurements and how they change with the poses (N, 3)."""
+def _linearised(
+    poses: Pose, measured: RelativePoses, weights: NDArray[np.float64] | float
+) -> tuple[csc_array, NDArray[np.float64]]:
+    """Return the Jacobian (3 M, 3 N) of the weighted errors of M measurements by the poses (N, 3), and these errors
+    (3 M,)."""
     count = len(measured.first)
     counting = np.broadcast_to(np.sqrt(weights * measured.shares), count)[:, None]
     scale = counting / measured.deviations
@@ -239,7 +236,7 @@ def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float6
     columns = np.broadcast_to(3 * ends + np.arange(3), (2 * count, 3, 3))
     places = np.concatenate([rows, rows]).ravel(), columns.ravel()
     jacobian = csc_array((values.ravel(), places), shape=(3 * count, 3 * len(poses)))
-    return _Linearised(jacobian, (measured.errors(poses) * counting).ravel())
+    return jacobian, (measured.errors(poses) * counting).ravel()
 
 
 def _squared(errors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -75,10 +75,8 @@ def build(
         observations, matcher, method.building, shown.of(BuildStage.CLOSURES)
     )
     run = _BuildRun(observations, matcher, odometry_gate, method, goals)
-    run.run(rng, shown.of(BuildStage.PASSES))
-    run.keep_largest_pieces()
+    deltas = run.run(rng, shown.of(BuildStage.PASSES))
     keyframes.keep_only([*run.nodes, *run.reserve])
-    deltas = run.finish()
     _note_edges("bridges by odometry", deltas, deltas, keyframes)
     if method.building.floor_edges:
         images = [keyframes.observation(node) for node in run.nodes]
@@ -161,26 +159,24 @@ class _BuildRun:
         merged = self._merged if self._method.building.keep_merged else []
         return tuple(sorted([*(self._images[row].step for row in self._left), *merged]))
 
-    def finish(self) -> tuple[GraphDelta, ...]:
-        """Return the history of the run."""
-        reserved = [FramesReserved(self.reserve, Cause.BUILD)] if self.reserve else []
-        return (*self._deltas, *reserved)
-
-    def run(self, rng: np.random.Generator, progress: Callable[[float], None]) -> None:
+    def run(self, rng: np.random.Generator, progress: Callable[[float], None]) -> tuple[GraphDelta, ...]:
         """Pass over the images until a pass adds nothing, then with the lower threshold of r, then with bridges; then
-        start another piece.
+        start another piece. Return the history of the largest pieces.
 
         An image that cannot be joined cuts off all images behind it. With a single start, chance would decide whether
         the map is the largest piece of the drive or a small one.
         """
-        start: int | None = int(self._goals_first(self._shuffled(rng))[0])
+        start: int | None = int(self._shuffled(rng)[0])
         while start is not None:
             self._enter([NodeAdded(node_from_observation(self._images[start]), Cause.BUILD)])
             self._left = self._left[self._left != start]
             self._grow_all(rng, progress)
             start = self._start_elsewhere(rng)
+        self._keep_largest_pieces()
+        reserved = [FramesReserved(self.reserve, Cause.BUILD)] if self.reserve else []
+        return (*self._deltas, *reserved)
 
-    def keep_largest_pieces(self) -> None:
+    def _keep_largest_pieces(self) -> None:
         """Drop each piece of the map that is not the largest piece of any drive; its images are left over again."""
         pieces = sorted(self._pieces.subsets(), key=self._largest_first)
         shares = [np.bincount(self._drive[self._rows(piece)], minlength=self._drive.max() + 1) for piece in pieces]
@@ -202,10 +198,8 @@ class _BuildRun:
         return np.array([self._row[frame] for frame in frames], np.intp)
 
     def _shuffled(self, rng: np.random.Generator) -> NDArray[np.intp]:
-        """Return the rows of the images left over in random order."""
-        return self._left[rng.permutation(len(self._left))]
-
-    def _goals_first(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the rows of the images left over in random order, goals first."""
+        rows = self._left[rng.permutation(len(self._left))]
         return np.concatenate([rows[self._is_goal[rows]], rows[~self._is_goal[rows]]])
 
     def _start_elsewhere(self, rng: np.random.Generator) -> int | None:
@@ -247,7 +241,7 @@ class _BuildRun:
         Images that enter the map wake others behind them.
         """
         total = len(self._images)
-        order = self._goals_first(self._shuffled(rng))
+        order = self._shuffled(rng)
         is_left = np.ones(len(order), bool)
         consumed = total - len(order)
         for place, row in enumerate(order.tolist()):

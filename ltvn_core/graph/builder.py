@@ -22,7 +22,7 @@ from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta,
 from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.keyframes import KeyframeStore, odometry_of, usable_trajectory
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import Newcomers, OdometryGate
 from ltvn_core.graph.operators import (
@@ -32,7 +32,6 @@ from ltvn_core.graph.operators import (
     node_with_edges,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import odometry_of, usable_trajectory
 from ltvn_core.graph.wheel_slips import mend_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 

@@ -22,11 +22,10 @@ from ltvn_core.geometry import compose, distance, lengths_along, relative
 from ltvn_core.graph.closure_judgement import ClosureJudgement, PassOverlay
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
 from ltvn_core.graph.drive_links import drive_links, surest_links
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.keyframes import KeyframeStore, odometry_of
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
 from ltvn_core.graph.pose_graph import OptimisedPoses, RelativePoses, deviations, optimise
-from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation
 
 log = logging.getLogger(__name__)

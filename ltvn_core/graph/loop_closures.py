@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import agree, compose, distance, relative, tilt_distance
+from ltvn_core.graph.keyframes import odometry_of
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import connectable
-from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8

@@ -23,8 +23,8 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_scan import RANGE_M, DepthScan
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.corrections import Correction
+from ltvn_core.graph.keyframes import odometry_of
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.trajectory import odometry_of
 from ltvn_core.types import FrameId, Observation, Pose
 
 _APART_M, _APART_RAD = 0.4, 0.5

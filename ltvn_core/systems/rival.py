@@ -18,7 +18,7 @@ from ltvn_core.config import Method
 from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.build_progress import ProgressCallback
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.keyframes import KeyframeStore, usable_trajectory
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import (
@@ -33,7 +33,6 @@ from ltvn_core.graph.navigation_system import (
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor, Waypoint

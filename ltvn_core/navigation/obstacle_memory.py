@@ -173,10 +173,7 @@ class ObstacleMemory:
             return
         scan, things, nearby = self._read(observation)
         self._forget_replaced(scan)
-        if self._movement is None:
-            self._seen.append(_surfaces(scan, things[nearby]))
-            return
-        moves = self._movement.moving(scan, things, nearby)
+        moves = np.zeros(len(things), bool) if self._movement is None else self._movement.moving(scan, things, nearby)
         points = things[nearby & ~moves]
         self._moving = things[nearby & moves]
         # People are remembered separately, because their points would stay after they have left.

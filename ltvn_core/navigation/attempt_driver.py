@@ -6,7 +6,6 @@ Owns the control loop of the attempt. Does not judge whether the robot reached i
 import itertools
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -38,7 +37,6 @@ _NODES_AROUND = 12
 """Number of these nodes, the nearest ones."""
 _BESIDE_WAY_M = 1.0
 """Distance from the way back beyond which mapped obstacles are ignored, in metres; the robot swerves less."""
-_NO_NODES: Mapping[NodeId, Pose] = MappingProxyType({})
 _LOOK_AGAIN_STEPS = 3
 """Control steps after which a waiting robot looks again."""
 _WAITED_FOR_M = 1.5
@@ -93,7 +91,7 @@ class AttemptDriver:
         self._detours_left = 0
 
     def drive(
-        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = _NO_NODES
+        self, target: NodeId, waypoint: Waypoint, *, around: Mapping[NodeId, Pose], is_known: bool = False
     ) -> Generator[Event | Tick, None, AttemptResult]:
         """Drive to the waypoint (3,) of `target`, given in the robot's frame at departure.
 

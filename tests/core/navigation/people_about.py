@@ -107,7 +107,7 @@ class Attempts:
         ends: list[AttemptResult] = []
 
         def drive() -> Iterator[object]:
-            ends.append((yield from driver.drive(0, waypoint)))
+            ends.append((yield from driver.drive(0, waypoint, around={})))
 
         for _ in drive():
             self.robot.advance()

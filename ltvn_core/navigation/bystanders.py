@@ -60,15 +60,14 @@ class Bystanders:
         kept = [each.place for each in self._known if 0 <= stamp - each.seen_s < _KEPT_S]
         return np.array(kept, np.float64).reshape(-1, 2)
 
-    def noticed(self, stamp: float) -> None:
-        """Remember the motion of a person who is too far away to locate."""
-        self._moved_s = stamp
+    def look(self, scan: DepthScan, moving: NDArray[np.float64], *, is_noticed: bool = False) -> None:
+        """Update the people with an image: its scan, and its moving points (M, 2) in the odometry frame.
 
-    def look(self, scan: DepthScan, moving: NDArray[np.float64]) -> None:
-        """Update the people with an image: its scan, and its moving points (M, 2) in the odometry frame."""
+        If motion `is_noticed`, somebody is about, even one who is too far away to locate.
+        """
         stamp = scan.stamp
         seen = [Bystander(_centred(_middle(scan, body), scan), stamp) for body in _bodies(moving)]
-        if seen:
+        if seen or is_noticed:
             self._moved_s = stamp
         others = [
             each
@@ -161,12 +160,9 @@ class MovingObstacles:
         """
         moved = self._moved(scan.stamp, things)
         bearings = scan.bins(scan.polar(things[moved])[1])
-        if len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS:  # As wide as a person.
-            self._bystanders.noticed(scan.stamp)
-            placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
-            self._bystanders.look(scan, things[moved & placed])
-        else:
-            self._bystanders.look(scan, things[moved & nearby])
+        is_wide = len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
+        placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M if is_wide else nearby
+        self._bystanders.look(scan, things[moved & placed], is_noticed=is_wide)
         self._scans.append(scan)
         return moved
 

@@ -137,11 +137,12 @@ def floor_edges(
     pairs = sorted(_pairs(graph, gate, floor, errors, method), key=lambda pair: pair.matches.distances[0])
     for number, pair in enumerate(pairs):
         progress(number / len(pairs))
-        if not ways.are_shortened_by(pair) or errors.contradict(pair.source, pair.there.edge.target):
+        if not ways.are_shortened_by(pair) or errors.contradict(pair.source, *pair.matches.nodes):
             continue
         is_one_place = np.hypot(*pair.matches.waypoints[0, :2]) <= _PLACE_M
         if is_one_place or floor.joins(pair.source, pair.matches, error_m=pair.error_m):
-            for added in (pair.there, pair.back):
+            both = bidirectional_edges(pair.source, pair.matches, method.believing, Cause.BUILD, by_odometry=True)
+            for added in both:
                 ways.add(added.edge)
                 yield added
 
@@ -150,19 +151,13 @@ def floor_edges(
 class _Pair:
     """Two nodes that an edge may join in both directions."""
 
+    source: NodeId
     matches: Matches
     """The second node, as a single match of the first."""
-    there: EdgeAdded
-    back: EdgeAdded
     longest: float
     """Greatest cost of a path between the nodes that makes the edge superfluous."""
     error_m: float
     """Error of the second node's place, seen from the first."""
-
-    @property
-    def source(self) -> NodeId:
-        """The first node."""
-        return self.there.edge.source
 
 
 def _pairs(
@@ -191,8 +186,7 @@ def _pairs(
         may_be_free = floor.may_join(rows[k], rows[others[known]], waypoints[known])
         for j in known[may_be_free | (away_m[known] <= _PLACE_M)]:
             matches = Matches.of_one(nodes[others[j]], most if is_sure[j] else _DOUBTED, waypoints[j])
-            edges = bidirectional_edges(nodes[k], matches, method.believing, Cause.BUILD, by_odometry=True)
-            yield _Pair(matches, *edges, longest=float(longest[j]), error_m=float(errors.error_m(driven_m[j])))
+            yield _Pair(nodes[k], matches, float(longest[j]), float(errors.error_m(driven_m[j])))
 
 
 class _Ways:
@@ -214,7 +208,7 @@ class _Ways:
 
         Looks no farther than that, so the cost does not grow with the map.
         """
-        target = pair.there.edge.target
+        (target,) = pair.matches.nodes
         costs = {pair.source: 0.0}
         ahead = [(0.0, pair.source)]
         while ahead:

@@ -8,7 +8,7 @@ are compared, and the correction of their odometry (ours).
 
 import logging
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress, groupby
@@ -141,21 +141,16 @@ class ClosureSearch:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
         corrected = dict[FrameId, Observation]()
         closures, rejected, unsure = list[DriveLink](), list[DriveLink](), list[NDArray[np.float64]]()
-        for stretch in self._stretches():
-            drive = _KeyImages.of(stretch)
+        ordered = sorted(self.observations, key=lambda seen: seen.step)
+        for _, images in groupby(zip(self.gate.stretch, ordered, strict=True), key=lambda each: each[0]):
+            drive = _KeyImages.of([seen for _, seen in images])
             closed = self._closed_stretch(drive, len(corrected))
             corrected |= {each.step: each for each in closed.observations}
             closures += closed.closures
             rejected += closed.rejected
             unsure.append(drive.deviations(closed))
-        images = [corrected[seen.step] for seen in self.observations]
-        return ClosedDrives(images, tuple(closures), tuple(rejected), np.concatenate(unsure))
-
-    def _stretches(self) -> Iterator[list[Observation]]:
-        """Yield the stretches of images within which odometry is unbroken."""
-        ordered = sorted(self.observations, key=lambda seen: seen.step)
-        for _, images in groupby(zip(self.gate.stretch, ordered, strict=True), key=lambda each: each[0]):
-            yield [seen for _, seen in images]
+        moved = [corrected[seen.step] for seen in self.observations]
+        return ClosedDrives(moved, tuple(closures), tuple(rejected), np.concatenate(unsure))
 
     def _closed_stretch(self, drive: "_KeyImages", done: int) -> ClosedDrives:
         """Correct a stretch while searching it, so that later images are compared only with near ones; `done` images

@@ -52,7 +52,7 @@ class FreeFloor:
         self._gate = gate
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._shown_m = np.stack([scan.shown_m for scan in scans])
-        self._near: dict[NodeId, _Elsewhere] = {}
+        self._near: dict[NodeId, tuple[NDArray[np.intp], Pose, NDArray[np.float64]]] = {}
         self._stretch_of, poses = gate.stretch[self._rows], gate.poses[self._rows]
         own = {stretch: np.flatnonzero(self._stretch_of == stretch) for stretch in np.unique(self._stretch_of).tolist()}
         self._stretches = {stretch: self._stretch(images, poses[images]) for stretch, images in own.items()}
@@ -83,12 +83,12 @@ class FreeFloor:
         stretch = self._stretches[int(number)]
         line = transform_points(way, self._gate.poses[row])
         own = stretch.images[distances_to_way(stretch.places, line[0], line[-1]) < RANGE_M]
-        elsewhere = self._elsewhere(source)
-        images = np.concatenate([own, elsewhere.images])
+        elsewhere, poses_there, path_there_m = self._elsewhere(source)
+        images = np.concatenate([own, elsewhere])
         poses, driven_m = self._gate.seen_from(source, self._rows[own])
-        poses = np.concatenate([poses, elsewhere.poses])
+        poses = np.concatenate([poses, poses_there])
         near = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
-        images, poses, driven_m = images[near], poses[near], np.concatenate([driven_m, elsewhere.driven_m])[near]
+        images, poses, driven_m = images[near], poses[near], np.concatenate([driven_m, path_there_m])[near]
         _, back_m = self._gate.seen_from(target.nodes[0], self._rows[images])
         path_m = np.minimum(driven_m, back_m)
         well = path_m <= WELL_KNOWN_M
@@ -99,13 +99,14 @@ class FreeFloor:
         things = [transform_points(self._things[k], at) for k, at in zip(images[others], poses[others], strict=True)]
         return not any((np.linalg.norm(way[:, None] - each, axis=-1) <= clear_m).any() for each in things)
 
-    def _elsewhere(self, source: NodeId) -> "_Elsewhere":
-        """Return the images of other stretches that a line from a node may pass."""
+    def _elsewhere(self, source: NodeId) -> tuple[NDArray[np.intp], Pose, NDArray[np.float64]]:
+        """Return the images (K,) of other stretches that a line from a node may pass, their poses (K, 3) in its frame,
+        and the lengths (K,) of the odometry paths to them, infinite if the pose is unknown."""
         if source not in self._near:
             images = np.flatnonzero(self._stretch_of != self._gate.stretch[self._gate.rows([source])])
             poses, driven_m = self._gate.seen_from(source, self._rows[images])
             near = np.hypot(poses[:, 0], poses[:, 1]) < LONGEST_M + RANGE_M
-            self._near[source] = _Elsewhere(images[near], poses[near], driven_m[near])
+            self._near[source] = images[near], poses[near], driven_m[near]
         return self._near[source]
 
     def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
@@ -138,17 +139,6 @@ class FreeFloor:
         place = np.clip(self._any_scan.bins(bearing), 1, self._shown_m.shape[1] - 2)
         beside = np.stack([self._shown_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
         return (inside & reach_past(beside, away_m + self._clear_m)) | (away_m < self._space.radius_m)
-
-
-class _Elsewhere(NamedTuple):
-    """K images of other stretches than that of a node."""
-
-    images: NDArray[np.intp]
-    """(K,) numbers of the images."""
-    poses: Pose
-    """(K, 3) poses in the frame of the node."""
-    driven_m: NDArray[np.float64]
-    """(K,) lengths of the odometry paths to them; infinite if the pose is unknown."""
 
 
 class _Stretch(NamedTuple):

@@ -15,7 +15,6 @@ from ltvn_core.graph.presence.presence_filter import (
     PresenceFilter,
     PresenceObservation,
     follow_histories,
-    presence_probabilities,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
@@ -76,8 +75,8 @@ def presence_as_if(graph: TopologicalGraph, presence_filter: PresenceFilter, at_
 
     For a time in the past, only earlier observations count.
     """
-    histories = list(graph.presence.values())
-    found = presence_probabilities(presence_filter, histories, at_s)
+    known = [[seen for seen in history if seen.stamp_s <= at_s] for history in graph.presence.values()]
+    found = follow_histories(presence_filter, known).probability(at_s)
     return dict(zip(graph.presence, map(float, found), strict=True))
 
 

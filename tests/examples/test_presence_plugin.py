@@ -18,14 +18,15 @@ from ltvn_core.graph.presence.presence_filter import (
     PresenceFilter,
     PresenceObservation,
     SightErrors,
-    presence_probabilities,
+    follow_histories,
 )
 
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
 
 
 def presence_probability(presence_filter: PresenceFilter, seen: list[PresenceObservation], now_s: float) -> float:
-    return float(presence_probabilities(presence_filter, [seen], now_s)[0])
+    known = [each for each in seen if each.stamp_s <= now_s]
+    return float(follow_histories(presence_filter, [known]).probability(now_s)[0])
 
 
 @pytest.mark.parametrize("seed", range(3))

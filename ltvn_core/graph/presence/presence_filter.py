@@ -103,22 +103,13 @@ class PresenceFilter(Protocol):
         ...
 
 
-def presence_probabilities(
-    presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]], now_s: float
-) -> FloatArray:
-    """Return the probabilities (N,) that things are present at a moment, given their observations up to then, in order
-    of time.
-
-    Linear in the longest history, with vectors over the things.
-    """
-    known = [[each for each in history if each.stamp_s <= now_s] for history in histories]
-    return follow_histories(presence_filter, known).probability(now_s)
-
-
 def follow_histories(
     presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]]
 ) -> PresenceTracks:
-    """Return the state of a filter after the histories of N things, each in order of time."""
+    """Return the state of a filter after the histories of N things, each in order of time.
+
+    Linear in the longest history, with vectors over the things.
+    """
     tracks = presence_filter.follow(len(histories))
     for seen in zip_longest(*histories):
         rows = np.array([row for row, each in enumerate(seen) if each is not None], np.intp)

@@ -10,7 +10,7 @@ from ltvn_core.graph.presence.presence_filter import (
     PresenceFilter,
     PresenceObservation,
     SightErrors,
-    presence_probabilities,
+    follow_histories,
     return_probabilities,
 )
 
@@ -19,7 +19,8 @@ ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
 
 
 def presence_probability(presence_filter: PresenceFilter, seen: list[PresenceObservation], now_s: float) -> float:
-    return float(presence_probabilities(presence_filter, [seen], now_s)[0])
+    known = [each for each in seen if each.stamp_s <= now_s]
+    return float(follow_histories(presence_filter, [known]).probability(now_s)[0])
 
 
 def mixture(rng: np.random.Generator) -> DurationMixture:
@@ -94,7 +95,7 @@ def test_the_future_of_what_goes_and_comes_is_that_of_a_simulated_process() -> N
 def test_many_things_are_judged_as_each_alone() -> None:
     rng = np.random.default_rng(2)
     histories = [looks(rng, gone_at)[: rng.integers(0, 25)] for gone_at in (0, 40, 80, 200)]
-    together = presence_probabilities(PERSISTENT, histories, 400.0)
+    together = follow_histories(PERSISTENT, histories).probability(400.0)
     alone = [presence_probability(PERSISTENT, history, 400.0) for history in histories]
     assert together == pytest.approx(alone)
     assert np.all((together >= 0) & (together <= 1))

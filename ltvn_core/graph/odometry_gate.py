@@ -206,13 +206,13 @@ class OdometryGate:
         driven = relative(self.poses[here], self.poses[there])
         same = self.stretch[there] == self.stretch[here]
         apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
-        path_m = np.where(same, self._ways.between(here, there), np.where(apart, -np.inf, np.inf))
+        path_m = np.where(same, self._ways.between(np.array([here]), there)[0], np.where(apart, -np.inf, np.inf))
         from_here = np.flatnonzero(self.stretch[self._links[:, 0]] == self.stretch[here])
         if not len(from_here) or same.all():
             return driven, path_m
         near, far = self._links[from_here].T
         other = np.flatnonzero(~same)
-        lengths = self._ways.between(here, near)[:, None] + self._ways.between_all(far, there[other])
+        lengths = self._ways.between(np.array([here]), near).T + self._ways.between(far, there[other])
         lengths[self.stretch[far][:, None] != self.stretch[there[other]]] = np.inf
         best = lengths.argmin(axis=0)
         linked = np.isfinite(lengths[best, np.arange(len(other))])
@@ -256,11 +256,7 @@ class _ShortestWays:
         self._beside = [(k, np.abs(path_m[self._ends[k]] - path_m)) for k in (np.maximum(after - 1, 0), after)]
         """The nearest closures (N,) before and after each row, and the distances (N,) to them in metres."""
 
-    def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return the lengths (M,) of the shortest paths from one row to others, in metres."""
-        return self.between_all(np.array([here]), there)[0]
-
-    def between_all(self, here: NDArray[np.intp], there: NDArray[np.intp]) -> NDArray[np.float64]:
+    def between(self, here: NDArray[np.intp], there: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the lengths (L, M) of the shortest paths from rows (L,) to others (M,), in metres."""
         shortest = np.abs(self._path_m[there] - self._path_m[here][:, None])
         if not len(self._ends):

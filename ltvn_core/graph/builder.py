@@ -13,18 +13,17 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
 from ltvn_core.config import Method
-from ltvn_core.geometry import relative
 from ltvn_core.graph import loop_closures
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.build_progress import BuildProgress, BuildStage, ProgressCallback
 from ltvn_core.graph.corrections import Correction
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
-from ltvn_core.graph.drive_closures import with_closed_loops
+from ltvn_core.graph.drive_closures import odometry_errors, with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
-from ltvn_core.graph.keyframes import KeyframeStore, odometry_of, usable_trajectory
+from ltvn_core.graph.keyframes import KeyframeStore, usable_trajectory
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.odometry_gate import Newcomers, OdometryGate
+from ltvn_core.graph.odometry_gate import DriveLink, Newcomers, OdometryGate
 from ltvn_core.graph.operators import (
     connectable,
     nearest_mergeable,
@@ -96,9 +95,7 @@ def _note_edges(what: str, added: Sequence[GraphDelta], deltas: Sequence[GraphDe
         return
     seen = [delta.edge for delta in deltas if isinstance(delta, EdgeAdded) and not delta.edge.by_odometry]
     seen = [edge for edge in seen if keyframes.drive_of(edge.source) == keyframes.drive_of(edge.target)]
-    sources = odometry_of([keyframes.observation(edge.source) for edge in seen])
-    targets = odometry_of([keyframes.observation(edge.target) for edge in seen])
-    errors = relative(np.array([edge.waypoint for edge in seen]).reshape(-1, 3), relative(sources, targets))
+    errors = odometry_errors([DriveLink(edge.source, edge.target, np.array(edge.waypoint)) for edge in seen], keyframes)
     lengths = np.array([edge.waypoint for edge in by_odometry])
     keyframes.corrections.append(Correction.of(what, lengths, errors, count=len(by_odometry)))
 

@@ -94,11 +94,11 @@ def with_closed_loops(
         keyframes.correct(observations)
         if closures:
             moved = odometry_of(observations) - before
-            errors = _errors(closures, keyframes)
+            errors = odometry_errors(closures, keyframes)
             keyframes.corrections.append(Correction.of("loop closures", moved, errors, count=len(closures)))
         if closed.rejected:
             apart = np.array([link.waypoint for link in closed.rejected])
-            errors, count = _errors(closed.rejected, keyframes), len(closed.rejected)
+            errors, count = odometry_errors(closed.rejected, keyframes), len(closed.rejected)
             keyframes.corrections.append(Correction.of(LOOK_ALIKES, apart, errors, count=count))
         unsure = closed.deviations[closed.deviations[:, 0] > _UNSURE_M]
         if len(unsure):
@@ -107,11 +107,11 @@ def with_closed_loops(
     return observations, gate_of(observations, links=links, closures=closures)
 
 
-def _errors(closures: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
-    """Return the errors (N, 3) of the corrected odometry by its own closures."""
-    first = odometry_of([keyframes.observation(link.frame) for link in closures])
-    second = odometry_of([keyframes.observation(link.other) for link in closures])
-    return relative(np.array([link.waypoint for link in closures]), relative(first, second))
+def odometry_errors(links: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
+    """Return the errors (N, 3) of the odometry in `keyframes` by links within stretches of it."""
+    first = odometry_of([keyframes.observation(link.frame) for link in links])
+    second = odometry_of([keyframes.observation(link.other) for link in links])
+    return relative(np.array([link.waypoint for link in links]).reshape(-1, 3), relative(first, second))
 
 
 class ClosedDrives(NamedTuple):

@@ -92,7 +92,7 @@ class PassOverlay:
 
 _FEW = 0.01
 """Share of contradictions up to which a course is not doubted: things move, and depth and course err a little."""
-_TOO_MANY = 0.04
+TOO_MANY = 0.04
 """Share of contradictions above which even the best course proves nothing."""
 _BETTER = 0.9
 """Share of the contradictions of a course that a better one may make at most."""
@@ -192,8 +192,3 @@ class JudgedCourse(NamedTuple):
     course: OptimisedPoses
     contradicted: float
     """Share of the obstacles met again where another pass saw free floor."""
-
-    @property
-    def is_trusted(self) -> bool:
-        """Whether the closures of this course may count."""
-        return self.contradicted <= _TOO_MANY

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import compose, distance, lengths_along, relative
-from ltvn_core.graph.closure_judgement import ClosureJudgement, PassOverlay
+from ltvn_core.graph.closure_judgement import TOO_MANY, ClosureJudgement, PassOverlay
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
 from ltvn_core.graph.drive_links import drive_links, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore, odometry_of
@@ -182,7 +182,7 @@ class ClosureSearch:
             again = self._found(drive, range(len(drive.rows)), gate)
             found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
             surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.course.poses)
-        if surest.is_trusted:
+        if surest.contradicted <= TOO_MANY:
             return drive.corrected(found, surest.course)
         log.warning(
             "Places look alike: with the %d loop closures found, %.0f%% of the obstacles seen again lie on floor that "

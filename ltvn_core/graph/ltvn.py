@@ -6,10 +6,9 @@ edge from its presence. Building is `graph.builder`, planning `graph.planner`, a
 `graph.operators`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 
@@ -54,9 +53,6 @@ SAMPLES, NEIGHBOURS = 60, 24
 BRIDGES_TRIED = 12
 """Number of recently merged images with which an image without a neighbour is compared."""
 
-_NodeDeltas: TypeAlias = tuple[FramesReleased, *tuple[GraphDelta, ...]]
-"""Deltas that make one image of the reserve a node."""
-
 
 class OnlineBuilder:
     """Merges, connects or keeps each image; apply the deltas of one image before offering the next."""
@@ -73,7 +69,6 @@ class OnlineBuilder:
         """Grow `graph`; the reserve never holds more than `reserve_limit` images."""
         self._graph = graph
         self._keyframes = keyframes
-        self._predictor = predictor
         self._matcher = Matcher(predictor, keyframes, method.matching)
         self._method = method
         self._thresholds = method.building
@@ -89,7 +84,11 @@ class OnlineBuilder:
         without a neighbour are tried again when a node is added.
         """
         frame = observation.step
-        if frame in self._keyframes or frame in self._graph.nodes or not is_usable(observation, self._predictor):
+        if (
+            frame in self._keyframes
+            or frame in self._graph.nodes
+            or not is_usable(observation, self._matcher.predictor)
+        ):
             return ()
         self._keyframes.add([observation])
         if not self._graph.nodes:
@@ -171,14 +170,14 @@ def expand(
         return ()
     trial = graph.copy()
     planner = Planner(trial, method.planning)
-    added = list[_NodeDeltas]()
+    added = dict[FrameId, Deltas]()
     for frame in _candidates(graph, source, goal, method, rng):
         deltas = _connecting_deltas(trial, frame, matcher, method)
         if deltas is None:
             continue
         for delta in deltas:
             trial.apply(delta)
-        added.append(deltas)
+        added[frame] = deltas
         path = planner.plan(source, goal)
         if path.nodes:
             return _restricted_to_path(path, added, graph)
@@ -206,7 +205,7 @@ def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray
     return np.minimum(np.abs(frames - before), np.abs(frames - ordered[np.minimum(after, len(ordered) - 1)]))
 
 
-def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method) -> _NodeDeltas | None:
+def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method) -> Deltas | None:
     """Return the deltas that make a frame a node of the trial map; None if it adds nothing or is not trusted."""
     nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
     nodes = nodes[:NEIGHBOURS] if method.expanding.strict else nodes
@@ -226,12 +225,10 @@ def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher
     return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
 
 
-def _restricted_to_path(
-    path: GraphPath, added: Sequence[_NodeDeltas], graph: TopologicalGraph
-) -> tuple[GraphDelta, ...]:
+def _restricted_to_path(path: GraphPath, added: Mapping[FrameId, Deltas], graph: TopologicalGraph) -> Deltas:
     """Keep the new nodes on the path, and of their edges those between nodes that stay."""
     staying = set(path.nodes) | set(graph.nodes)
-    kept = (delta for deltas in added if deltas[0].frames[0] in staying for delta in deltas)
+    kept = (delta for frame, deltas in added.items() if frame in staying for delta in deltas)
     return tuple(
         delta for delta in kept if not isinstance(delta, EdgeAdded) or {delta.edge.source, delta.edge.target} <= staying
     )

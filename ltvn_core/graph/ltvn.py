@@ -190,11 +190,10 @@ def _candidates(
     """Order the reserve: at random, or first the images that lie in time between reached and unreached nodes."""
     frames = np.array(sorted(graph.reserve))
     if not method.expanding.strict:
-        return [int(frame) for frame in rng.permutation(frames)]
-    gap = _steps_to_nearest_node(frames, reachable_nodes(graph, source)) + _steps_to_nearest_node(
-        frames, reachable_nodes(graph, goal, backwards=True)
-    )
-    return [int(frame) for frame in frames[np.argsort(gap, kind="stable")[:SAMPLES]]]
+        return rng.permutation(frames).tolist()
+    onward, back = reachable_nodes(graph, source), reachable_nodes(graph, goal, backwards=True)
+    gap = _steps_to_nearest_node(frames, onward) + _steps_to_nearest_node(frames, back)
+    return frames[np.argsort(gap, kind="stable")[:SAMPLES]].tolist()
 
 
 def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:

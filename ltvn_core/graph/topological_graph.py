@@ -87,11 +87,6 @@ class TopologicalGraph:
         return MappingProxyType(self._edges)
 
     @property
-    def actions(self) -> Mapping[EdgeKey, str]:
-        """Actions of the edges that have one; linear in edges."""
-        return {key: edge.action for key, edge in self._edges.items() if edge.action}
-
-    @property
     def driven_edges(self) -> Mapping[EdgeKey, d.Edge]:
         """The edges without an action, whose waypoints tell where their targets are; linear in edges."""
         return {key: edge for key, edge in self._edges.items() if not edge.action}

@@ -12,9 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.graph.planner import hop_cost
 from ltvn_core.simulation.scripted_tour import drive_tour
-from ltvn_core.systems.rival import DriveImages, EdgeCandidate, localise_at_most_reachable, rival
+from ltvn_core.systems.rival import DriveImages, EdgeCandidate, hop_cost, localise_at_most_reachable, rival
 
 LEAST_REACHABILITY = 0.9
 

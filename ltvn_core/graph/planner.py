@@ -21,9 +21,6 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _MIN_P = 1e-3
-_LEAST_P = 1e-6
-"""Lower limit of p in a cost that depends only on the belief."""
-
 _BLIND_COST = 3.0
 """Cost of an edge that no image supports, for a robot that may be at several places."""
 
@@ -61,16 +58,6 @@ def with_blind_costs(
         return penalties
     blind = {key: _BLIND_COST for key, edge in graph.edges.items() if edge.by_odometry}
     return blind | {key: cost + blind.get(key, 0.0) for key, cost in penalties.items()}
-
-
-def hop_cost(belief: d.Belief) -> float:
-    """Return 1, so that the cheapest path has the fewest edges."""
-    return 1.0
-
-
-def surprise_cost(belief: d.Belief) -> float:
-    """Return -ln p, so that the cheapest path is the most probable one."""
-    return -math.log(max(belief.p, _LEAST_P))
 
 
 class Planner:

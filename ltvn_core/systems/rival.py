@@ -5,6 +5,7 @@ images and joins pairs of them by a function of its own; `ltvn_core.systems.syst
 """
 
 import itertools
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -208,6 +209,20 @@ def _build(
     keyframes.keep_only([frames[row] for row in nodes])
     added = [NodeAdded(node_from_observation(seen[row]), Cause.BUILD) for row in nodes]
     return (*added, *(EdgeAdded(edge, Cause.BUILD) for edge in edges))
+
+
+_LEAST_P = 1e-6
+"""Lower limit of p in a cost that depends only on the belief."""
+
+
+def hop_cost(belief: Belief) -> float:
+    """Return 1, so that the cheapest path has the fewest edges."""
+    return 1.0
+
+
+def surprise_cost(belief: Belief) -> float:
+    """Return -ln p, so that the cheapest path is the most probable one."""
+    return -math.log(max(belief.p, _LEAST_P))
 
 
 def localise_at_most_reachable(

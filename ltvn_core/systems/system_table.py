@@ -9,7 +9,6 @@ from dataclasses import replace
 from ltvn_core.config import Method
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
-from ltvn_core.graph.planner import hop_cost, surprise_cost
 from ltvn_core.network.architecture import ContrastiveArchitecture, EnsembleArchitecture
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.network.training_data.temporal_rules import TemporalClosenessRule, TemporalDistanceRule
@@ -17,7 +16,7 @@ from ltvn_core.systems import meng, temporal_closeness, temporal_distance
 from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.systems.placenav import BayesFilter
-from ltvn_core.systems.rival import localise_at_most_reachable, rival
+from ltvn_core.systems.rival import hop_cost, localise_at_most_reachable, rival, surprise_cost
 
 LTVN = SystemEntry(name="ltvn", label="LTVN", factory=ltvn_system, preset_in_label=True)
 

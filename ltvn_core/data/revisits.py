@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.geometry import lengths_along, wrap_angle
 from ltvn_core.types import Pose
 
 NEAR_M = 0.6
@@ -37,9 +37,7 @@ def revisits(pairs: NDArray[np.intp], poses: Pose, stamps: NDArray[np.float64]) 
         poses: (N, 3), by odometry.
         stamps: (N,), seconds.
     """
-    steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.zeros(0)
-    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    first = pairs.min(axis=1)
-    last = pairs.max(axis=1)
-    again = (way_m[last] - way_m[first] >= _REVISIT_PATH_M) | (stamps[last] - stamps[first] >= _REVISIT_S)
-    return np.column_stack([first, last])[again]
+    way_m = lengths_along(poses[:, :2])
+    in_order = np.sort(pairs, axis=1)
+    driven_m, passed_s = (np.diff(each[in_order])[:, 0] for each in (way_m, stamps))
+    return in_order[(driven_m >= _REVISIT_PATH_M) | (passed_s >= _REVISIT_S)]

@@ -176,14 +176,20 @@ class ClosureJudgement:
     def _groups(self, closures: NDArray[np.bool_], reach_m: float) -> Iterator[NDArray[np.bool_]]:
         """Yield masks (C,) of the largest groups of some closures (C,): those between the same two stretches."""
         rows = np.flatnonzero(closures)
-        if not len(rows):
-            return
-        ends = self.driven_m[np.stack([self.closures.first[rows], self.closures.second[rows]], axis=-1)]
-        first, second = KDTree(ends).query_pairs(reach_m, p=np.inf, output_type="ndarray").T
-        near = coo_array((np.ones(len(first)), (first, second)), shape=(len(rows), len(rows)))
-        _, group_of = connected_components(near, directed=False)
-        for number in np.argsort(-np.bincount(group_of), kind="stable")[:_GROUPS]:
-            yield np.isin(np.arange(len(closures)), rows[group_of == number])
+        ends_m = self.driven_m[np.stack([self.closures.first[rows], self.closures.second[rows]], axis=-1)]
+        for group in stretch_pairs(ends_m, reach_m)[:_GROUPS]:
+            yield np.isin(np.arange(len(closures)), rows[group])
+
+
+def stretch_pairs(ends_m: NDArray[np.float64], reach_m: float) -> list[NDArray[np.intp]]:
+    """Return the groups of closures (C,) between the same two stretches, the largest first.
+
+    `ends_m` (C, 2) are the distances driven before their images; those of neighbours differ by at most `reach_m`.
+    """
+    first, second = KDTree(ends_m).query_pairs(reach_m, p=np.inf, output_type="ndarray").T
+    near = coo_array((np.ones(len(first)), (first, second)), shape=(len(ends_m), len(ends_m)))
+    _, group_of = connected_components(near, directed=False)
+    return [np.flatnonzero(group_of == number) for number in np.argsort(-np.bincount(group_of), kind="stable")]
 
 
 class JudgedCourse(NamedTuple):

@@ -16,11 +16,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import compose, distance, lengths_along, relative
-from ltvn_core.graph.closure_judgement import TOO_MANY, ClosureJudgement, PassOverlay
-from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
+from ltvn_core.graph.closure_judgement import TOO_MANY, ClosureJudgement, PassOverlay, stretch_pairs
+from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction, UnsurePlaces
 from ltvn_core.graph.drive_links import drive_links, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore, odometry_of
 from ltvn_core.graph.matching import Matcher
@@ -67,6 +68,12 @@ _SAME_STRETCH_M, _MOST_IN_STRETCH = 2.0, 3.0
 """Closures within this distance along a drive, in metres, together weigh at most as much as this number of closures."""
 _UNSURE_M = 1.0
 """Standard deviation of a place, in metres, above which `ltvn info` counts it as unsure."""
+_APART_M = 1.0
+"""Least error of a rejected closure, in metres, with which its images surely show two places."""
+_NEAR_M = 3.0
+"""Distance along the drive, in metres, within which images show one place, and a closure confirms the course."""
+_BROKEN_M = 1e6
+_MOST_GROUPS = 20
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 """Standard deviations of odometry: of distance and heading per metre driven, and of the angle turned."""
@@ -87,6 +94,7 @@ def with_closed_loops(
     if not config.odometry_drift:
         return observations, gate_of(observations)
     closures: tuple[DriveLink, ...] = ()
+    false = list[DriveLink]()
     if config.close_loops:
         before = odometry_of(observations)
         closed = ClosureSearch(observations, matcher, gate_of(observations), config, progress).closed()
@@ -100,11 +108,17 @@ def with_closed_loops(
             apart = np.array([link.waypoint for link in closed.rejected])
             errors, count = odometry_errors(closed.rejected, keyframes), len(closed.rejected)
             keyframes.corrections.append(Correction.of(LOOK_ALIKES, apart, errors, count=count))
+            apart_m = np.hypot(*errors[:, :2].T) * bool(closures)  # Without any, nothing tells which of them are false.
+            false = [closed.rejected[row] for row in np.argsort(-apart_m, kind="stable") if apart_m[row] > _APART_M]
         unsure = closed.deviations[closed.deviations[:, 0] > _UNSURE_M]
         if len(unsure):
             keyframes.corrections.append(Correction.of(UNSURE, unsure, np.empty((0, 3)), count=len(unsure)))
     links = drive_links(observations, starts, matcher, config) if starts else None
-    return observations, gate_of(observations, links=links, closures=closures)
+    gate = gate_of(observations, links=links, closures=closures)
+    if config.close_loops:
+        frames = sorted(seen.step for seen in observations)
+        keyframes.unsure = _unsure(frames, gate, [*closures, *(links or ())], false)
+    return observations, gate
 
 
 def odometry_errors(links: Sequence[DriveLink], keyframes: KeyframeStore) -> NDArray[np.float64]:
@@ -112,6 +126,33 @@ def odometry_errors(links: Sequence[DriveLink], keyframes: KeyframeStore) -> NDA
     first = odometry_of([keyframes.observation(link.frame) for link in links])
     second = odometry_of([keyframes.observation(link.other) for link in links])
     return relative(np.array([link.waypoint for link in links]).reshape(-1, 3), relative(first, second))
+
+
+def _unsure(
+    frames: Sequence[FrameId], gate: OdometryGate, closures: Sequence[DriveLink], false: Sequence[DriveLink]
+) -> UnsurePlaces | None:
+    """Return the way past all images that no closure confirms, and the first of each group of false closures.
+
+    `frames` are in order. None if the robot never moved.
+    """
+    way_m = gate.along_m + _BROKEN_M * gate.stretch
+    is_whole = np.diff(gate.stretch) == 0
+    driven_m = float(np.diff(way_m)[is_whole].sum())
+    if not driven_m:
+        return None
+    kept_m, false_m = (
+        way_m[gate.rows([frame for link in links for frame in (link.other, link.frame)])] for links in (closures, false)
+    )
+    is_far = KDTree(kept_m[:, None]).query(way_m[:, None])[0] > _NEAR_M
+    ends = np.flatnonzero(np.concatenate([[True], ~(is_far[1:] & is_far[:-1] & is_whole), [True]]))
+    open_m = way_m[ends[1:] - 1] - way_m[ends[:-1]]
+    longest = int(open_m.argmax())
+    groups = stretch_pairs(false_m.reshape(-1, 2), _NEAR_M)[:_MOST_GROUPS]
+    return UnsurePlaces(
+        unconfirmed=round(float(open_m.sum()) / driven_m, 3),
+        longest=(frames[ends[longest]], frames[ends[longest + 1] - 1]),
+        look_alikes=tuple((false[rows[0]].other, false[rows[0]].frame, len(rows)) for rows in groups),
+    )
 
 
 class ClosedDrives(NamedTuple):

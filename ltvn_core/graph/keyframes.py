@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.corrections import Correction
+from ltvn_core.graph.corrections import Correction, UnsurePlaces
 from ltvn_core.robots.robot_spec import NeededSpace
 from ltvn_core.types import Features, FrameId, HeldFeatures, Observation, Pose, Predictor, is_usable
 
@@ -92,6 +92,7 @@ class KeyframeStore:
         """The frames of the last call of `held`, and their rows; None after a change."""
         self.corrections: list[Correction] = []
         """What building a map from these images corrected or added by itself, in order."""
+        self.unsure: UnsurePlaces | None = None
         self.space: NeededSpace | None = None
         """Space that the robot of these images needs free; None if the robot is unknown."""
         self._has_odometry = False

@@ -90,7 +90,7 @@ def build_map(
     keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
     keyframes.space = space
     built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
-    corrections = tuple(keyframes.corrections)
+    corrections, unsure = tuple(keyframes.corrections), keyframes.unsure
     resumed = keyframes.resumed_starts  # Drives whose images contradict the continued odometry are left out.
     drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
     reports: tuple[DriveReport, ...] = ()
@@ -117,7 +117,7 @@ def build_map(
         *drive_findings(reports),
         *_sequence_findings(in_order, drives),
         *scale_findings(graph, in_order),
-        *place_findings(corrections, len(in_order)),
+        *place_findings(corrections, unsure, len(in_order)),
         *diagnose(drive, coverage),
         *told,
     )
@@ -135,6 +135,7 @@ def build_map(
         drives=reports,
         goals=standing,
         corrections=corrections,
+        unsure=unsure,
         findings=findings,
     )
 

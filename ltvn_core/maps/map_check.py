@@ -18,7 +18,7 @@ from ltvn_core.cameras.rectification import Rectification, have_same_rays
 from ltvn_core.data.revisits import near_pairs, revisits
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import relative
-from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction
+from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction, UnsurePlaces
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.planner import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -170,15 +170,17 @@ def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[Finding, ...]:
     )
 
 
-def place_findings(corrections: Sequence[Correction], images: int) -> Iterator[Finding]:
+def place_findings(corrections: Sequence[Correction], places: UnsurePlaces | None, images: int) -> Iterator[Finding]:
     """Yield how many images have no sure place, if these are many and some places look alike."""
     count_of = {each.what: each.count for each in corrections}
     unsure, alike = count_of.get(UNSURE, 0), count_of.get(LOOK_ALIKES, 0)
-    if alike and unsure > MOST_UNSURE * images:
+    if places and alike and unsure > MOST_UNSURE * images:
+        first, last = places.longest
         yield Finding(
             f"{alike} pairs of images look alike but show different places, and {unsure / images:.0%} of all images "
-            "are placed less surely than 1 m, so that more such places may be confused.",
-            remedy="Drive another round that comes back to many places, and build the map from both drives.",
+            f"are placed less surely than 1 m, so that more such places may be confused. {places}.",
+            remedy=f"Drive once more from image {first:,} to image {last:,}, in a round that comes back to many "
+            "places, and build the map from both drives.",
         )
 
 

@@ -17,7 +17,7 @@ from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load
 from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.build_progress import ProgressCallback
-from ltvn_core.graph.corrections import Correction, to_config
+from ltvn_core.graph.corrections import Correction, UnsurePlaces, to_config
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import nearest_nodes
 from ltvn_core.graph.matching import Matcher
@@ -74,6 +74,8 @@ class TopologicalMap(WithDoubts):
     """Reports about the named goals when the map was built."""
     corrections: tuple[Correction, ...] = ()
     """What building the map corrected or added by itself; empty for a map that was loaded."""
+    unsure: UnsurePlaces | None = None
+    """Where its course stayed unsure when the map was built; None for a map that was loaded."""
     findings: tuple[Finding, ...] = ()
     """Problems of the drive and the map when it was built, with likely causes and advice."""
 
@@ -277,7 +279,7 @@ class TopologicalMap(WithDoubts):
                 "method": asdict(self.system.method),
                 **({"predictor": named} if (named := self.predictor_name or opened_name(self.predictor)) else {}),
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
-                **to_config(self.corrections),
+                **to_config(self.corrections, self.unsure),
                 **(self.keyframes.space.to_config() if self.keyframes.space else {}),
                 **(config or {}),
             },

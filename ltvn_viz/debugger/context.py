@@ -15,6 +15,7 @@ from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.data.importing.floor_plan import FloorPlan
+from ltvn_core.graph.corrections import UnsurePlaces
 from ltvn_core.graph.presence.presence_filter import PERSISTENT, PresenceFilter
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
@@ -75,6 +76,8 @@ class DebugContext:
     """Offers a new file for download in the page; may be called in any thread."""
     floor_plan: FloorPlan | None = None
     """The floor plan under the map, as the page shows it now."""
+    unsure: UnsurePlaces | None = None
+    """Where the course of the mapped drive stayed unsure; None if that is unknown, as in a live run."""
 
     @property
     def method(self) -> Method:

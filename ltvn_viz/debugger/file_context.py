@@ -74,6 +74,7 @@ def replay_context(
         rerun=rerun,
         offer_file=offer_file or SavedFiles().offer,
         floor_plan=floor_plan,
+        unsure=replay.unsure,
     )
 
 

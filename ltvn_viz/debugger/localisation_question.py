@@ -94,7 +94,7 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_line(str(missing))
             shown = None
         self._past_margins(context, builder)
-        strokes = self._perceptual_aliases(context, builder)
+        strokes = (*_known_aliases(context, builder), *self._perceptual_aliases(context, builder))
         nodes = shown.colours if shown is not None else {}
         return builder.build(Overlay(strokes, nodes, is_of_likeness=bool(nodes)))
 
@@ -187,6 +187,14 @@ class LocalisationQuestion(Question[FindAliases]):
         return _pairs(context, found, builder)
 
 
+def _known_aliases(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+    """Name what building the map left unsure, and join the places that look alike."""
+    if context.unsure is None:
+        return ()
+    builder.add_line(f"By the drive that made the map: {context.unsure}.")
+    return context.strokes([(one, other) for one, other, _ in context.unsure.look_alikes], palette.EDGE_REMOVED)
+
+
 def _change_count(context: DebugContext) -> int:
     return context.timeline.change_count_before(context.timeline.count_until(context.instant))
 
@@ -243,11 +251,8 @@ def _alias_search(
 
 
 def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
-    builder.add_line(
-        f"{count_text(len(found), 'pair')} of perceptual aliases:"
-        if found
-        else "No perceptual aliases: no two places look alike."
-    )
+    named = f"{count_text(len(found), 'pair')} of perceptual aliases:"
+    builder.add_line(named if found else "No perceptual aliases: no two places look alike.")
     for pair in found[:_PAIRS]:
         link = Link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
         builder.add_line(link, f": {pair.sentence}")

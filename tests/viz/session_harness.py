@@ -248,7 +248,7 @@ class SessionHarness:
         writer = next(writer for writer in self.writers if writer.path.name == name)
         frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in writer.frames]
         pictures = {seen.step: seen for seen in writer.frames}
-        return Playback(name, "flat", Timeline.of(writer.events, frames), pictures.__getitem__)
+        return Playback(name, "flat", Timeline.of(writer.events, frames), pictures.__getitem__, config={})
 
     def _open_writer(self, path: Path) -> FakeWriter:
         path.touch(exist_ok=False)

@@ -10,7 +10,7 @@ from ltvn_core.data.recording.integrity import repair
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import require_rrd
 from ltvn_core.errors import RecordingError
-from ltvn_core.graph.corrections import Correction, from_config
+from ltvn_core.graph.corrections import Correction, UnsurePlaces, from_config
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
 
 
@@ -40,6 +40,8 @@ class RecordingInfo:
     collisions: int
     corrections: tuple[Correction, ...]
     """What building the map corrected or added by itself; empty for other recordings, and older maps."""
+    unsure: UnsurePlaces | None
+    """Where the course of the mapped drive stayed unsure; None for other recordings, and older maps."""
     events: Mapping[str, int]
     """Number of events of each kind."""
     questions: Mapping[str, int]
@@ -84,6 +86,7 @@ def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
         reached=sum(verdicts) if verdicts else None,
         collisions=sum(isinstance(event, Collided) for event in events),
         corrections=from_config(meta.config),
+        unsure=UnsurePlaces.recorded(meta.config),
         events=dict(sorted(Counter(type(event).__name__ for event in events).items())),
         questions=dict(sorted(Counter(recording.questions_asked()).items())),
         fingerprint=meta.fingerprint,

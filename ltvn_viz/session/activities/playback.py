@@ -7,10 +7,10 @@ choice.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError
 from ltvn_core.garbage_collection import garbage_collection_paused
+from ltvn_core.graph.corrections import UnsurePlaces
 from ltvn_core.predictors.choice import IMPORTED, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
 from ltvn_core.readable_text import readable
@@ -105,26 +106,23 @@ class Playback:
         observation: Callable[[FrameId], Observation],
         *,
         camera: CameraModel = LOCOBOT.camera,
+        config: Mapping[str, Any],
         weights: str = "",
-        system: str = "",
-        maintenance: str = "",
-        is_imported: bool = False,
         method: ReplayMethod | None = None,
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
-        `camera` took the images, and `weights` is the fingerprint of the network in the recording. `system` names the
-        navigation system, `maintenance` the map's maintenance; both are empty if unknown. `is_imported` says that
-        another program took the images, so the robot is unknown. `method` compares the images; None compares them as
-        the robot does.
+        `camera` took the images, `weights` is the fingerprint of the network in the recording, and `config` says how it
+        was made. `method` compares the images; None compares them as the robot does.
         """
         self.name = name
         self.scene = scene
         self.weights = weights
-        self.system = system
-        self.maintenance = maintenance
+        self.system = str(config.get("system", ""))
+        self.maintenance = str(config.get("maintenance") or "")
+        self.unsure = UnsurePlaces.recorded(config)
         self.camera_model = camera
-        self.is_imported = is_imported
+        self.is_imported = config.get("verb") == IMPORTED  # By another program, so the robot is unknown.
         self.method = method
         self.timeline = timeline
         self._observation = observation
@@ -215,9 +213,7 @@ def read_replay(path: Path, choose_method: MethodChoice = lambda _: None) -> Pla
         timeline,
         recording.observation,
         camera=meta.camera,
+        config=meta.config,
         weights=meta.fingerprint,
-        system=str(meta.config.get("system", "")),
-        maintenance=str(meta.config.get("maintenance") or ""),
-        is_imported=meta.config.get("verb") == IMPORTED,
         method=choose_method(meta),
     )

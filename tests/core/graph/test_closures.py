@@ -3,16 +3,21 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from ltvn_core.config import ROBUST, MatchingConfig, Method
+from ltvn_core.data.recording.info import read_info
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph import loop_closures
 from ltvn_core.graph.builder import build
+from ltvn_core.graph.corrections import UnsurePlaces
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.built_map import build_map
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import Features, FrameId, Observation, Pose, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 
@@ -159,3 +164,16 @@ def test_a_drive_that_passes_nothing_again_keeps_its_odometry() -> None:
     build(images, keyframes, predictor, ROBUST, np.random.default_rng(0))
     kept = {seen.step: seen.odometry for seen in images}
     assert all(np.array_equal(keyframes.observation(frame).odometry, kept[frame]) for frame in keyframes.frames)
+
+
+def test_a_map_names_the_rooms_that_look_alike(tmp_path: Path) -> None:
+    system = system_entry(DEFAULT_SYSTEM).factory(LOOSE)
+    build_map(drive(), predictor=AliasedPredictor(one_room()), system=system).save(tmp_path / "map.rrd")
+    told = read_info(tmp_path / "map.rrd").unsure
+    assert told is not None
+    x_m = {frame: pose[0] for frame, pose in true_poses().items()}
+    assert all(abs(x_m[one] - x_m[other]) > APART_M / 2 for one, other, _ in told.look_alikes)
+    assert "{:,} and {:,}".format(*told.look_alikes[0]) in str(told)
+    assert 0 < told.unconfirmed < 1
+    damaged = {"unsure": {"unconfirmed": 0.5, "longest": [0, 9], "look_alikes": [[1, 2], [3, -4, 5], "row", [7, 8, 9]]}}
+    assert UnsurePlaces.recorded(damaged) == UnsurePlaces(0.5, (0, 9), ((7, 8, 9),))

@@ -48,8 +48,10 @@ def test_places_that_look_alike_are_told_where_the_drive_leaves_its_course_unsur
     (unsure,) = (each for each in built.corrections if each.what == UNSURE)
     assert 100 < unsure.count < 200
     alike = replace(unsure, what=LOOK_ALIKES, count=7)
-    assert "7 pairs" in " ".join(map(str, place_findings([unsure, alike], 200)))
-    assert [*place_findings([unsure], 200), *place_findings([alike], 200)] == []
+    (told,) = place_findings([unsure, alike], built.unsure, 200)
+    assert "7 pairs" in told.text
+    assert "from image 0 to image 199" in told.remedy
+    assert [*place_findings([unsure], built.unsure, 200), *place_findings([alike], built.unsure, 200)] == []
 
 
 def test_a_map_of_a_few_images_is_doubted_as_well() -> None:
@@ -102,14 +104,18 @@ def test_a_map_that_knows_a_part_of_its_drive_is_told_with_where_it_ends() -> No
     assert any(begin in doubt for begin in begins)
 
 
-class NarrowPredictor(FlatPredictor):
-    """Finds nothing in its images, for they are too narrow."""
-
-    least_width_px = 160
+class BlindPredictor(FlatPredictor):
+    """Calls no pair of images one place."""
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
         found = super().predict(sources, targets)
         return Prediction(np.zeros_like(found.reachability), found.waypoints)
+
+
+class NarrowPredictor(BlindPredictor):
+    """Finds nothing in its images, for they are too narrow."""
+
+    least_width_px = 160
 
 
 def test_images_too_small_for_a_predictor_are_named_as_the_cause() -> None:
@@ -119,14 +125,6 @@ def test_images_too_small_for_a_predictor_are_named_as_the_cause() -> None:
     assert "images are 96 pixels wide" in said
     assert "--predictor network" in said
     assert "--predictor geometric" not in said
-
-
-class BlindPredictor(FlatPredictor):
-    """Calls no pair of images one place."""
-
-    def predict(self, sources: Features, targets: Features) -> Prediction:
-        found = super().predict(sources, targets)
-        return Prediction(np.zeros_like(found.reachability), found.waypoints)
 
 
 def test_why_nothing_came_of_a_drive_is_said_with_what_to_do() -> None:
@@ -179,9 +177,8 @@ def test_a_stretch_that_is_driven_once_is_named_one_way_only_and_one_driven_twic
     there = passed_later(list(tour([(0.7, 3.2), (4.2, 3.2)], spins=False)), 300, 60.0)
     once = [*here, *there]
     twice = [*here, *passed_later(here, 150, 30.0), *there, *passed_later(there, 150, 30.0)]
-    said = [
-        " ".join(build_map(drive, predictor=FlatPredictor(one_room(), sight_m=1.0)).doubts) for drive in (once, twice)
-    ]
+    predictor = FlatPredictor(one_room(), sight_m=1.0)
+    said = [" ".join(build_map(drive, predictor=predictor).doubts) for drive in (once, twice)]
     assert ["of its own drive" in words for words in said] == [True, True]
     assert ["one direction only" in words for words in said] == [True, False]
 
@@ -194,11 +191,8 @@ class PoorPredictor(BlindPredictor):
 
 
 def test_few_key_points_are_named_with_their_number() -> None:
-    images = list(tour([(0.7, 0.7), (4.2, 0.7)]))
-    assert any(
-        "few key points (87 per image" in doubt
-        for doubt in build_map(images, predictor=PoorPredictor(one_room())).doubts
-    )
+    doubts = build_map(tour([(0.7, 0.7), (4.2, 0.7)]), predictor=PoorPredictor(one_room())).doubts
+    assert any("few key points (87 per image" in doubt for doubt in doubts)
 
 
 def test_a_drive_without_odometry_is_not_told_to_be_thinned_less_by_metres() -> None:
@@ -216,10 +210,8 @@ def test_what_odometry_alone_holds_together_is_counted_and_doubted() -> None:
     images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)], spins=False))
     built = build_map(images, predictor=FlatPredictor(one_room()))
     middle = images[len(images) // 2].step
-    crossing = [
-        replace(edge, by_odometry=(edge.source < middle) != (edge.target < middle))
-        for edge in built.graph.edges.values()
-    ]
+    edges = built.graph.edges.values()
+    crossing = [replace(edge, by_odometry=(edge.source < middle) != (edge.target < middle)) for edge in edges]
     nodes = [NodeAdded(node, Cause.BUILD) for node in built.graph.nodes.values()]
     joined = TopologicalGraph([*nodes, *(EdgeAdded(edge, Cause.BUILD) for edge in crossing)])
     coverage = map_coverage(images, joined, built.keyframes, built.predictor, built.system)

@@ -2,12 +2,14 @@
 
 import re
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ltvn_core.analysis.answer import StepChart
 from ltvn_core.analysis.answer_text import answer_text
+from ltvn_core.graph.corrections import UnsurePlaces
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
@@ -56,12 +58,18 @@ def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness
     assert "perceptual aliases" in words(shown).lower()
 
 
+def test_places_that_a_map_knows_to_look_alike_are_joined_without_a_search(harness: SessionHarness) -> None:
+    first, *_, last = harness.state.live_map.graph.nodes
+    context = Inspector((), harness.state.worker).context(harness.state, harness.now.moment)
+    known = replace(context, unsure=UnsurePlaces(0.4, (first, last), ((first, last, 3),)))
+    shown = LocalisationQuestion().answer(known, NOTHING_SELECTED)
+    assert f"{first} and {last}" in answer_text(shown.answer)
+    assert len(shown.overlay.strokes) == 1
+
+
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
     state = SessionHarness(tmp_path, mapped=False).state
-    shown = LocalisationQuestion().answer(
-        Inspector((), state.worker).context(state, RunMoment()),
-        NOTHING_SELECTED,
-    )
+    shown = LocalisationQuestion().answer(Inspector((), state.worker).context(state, RunMoment()), NOTHING_SELECTED)
     assert "The map is empty" in answer_text(shown.answer)
 
 

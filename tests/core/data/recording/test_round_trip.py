@@ -23,25 +23,7 @@ from ltvn_core.data.recording.map_file import check_fingerprint, load_map, save_
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError, RecordingError
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeActionSet,
-    EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
-    FramesReleased,
-    FramesReserved,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PoseRow,
-    PresenceObserved,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, Note, StampedEvent, WorldChanged
 from tests.core.data.recording import example_recording
@@ -63,28 +45,28 @@ def path(tmp_path: Path) -> Path:
 
 numbers = st.floats(allow_nan=False, width=64)
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
-poses = st.builds(PoseRow, numbers, numbers, numbers)
-causes = st.sampled_from(Cause)
+poses = st.builds(d.PoseRow, numbers, numbers, numbers)
+causes = st.sampled_from(d.Cause)
 ids = st.integers(0, 10**9)
-beliefs = st.builds(Belief, numbers, numbers, numbers)
+beliefs = st.builds(d.Belief, numbers, numbers, numbers)
 frames = st.lists(ids, max_size=4).map(tuple)
-edges = st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8))
-deltas: st.SearchStrategy[GraphDelta] = st.one_of(
-    st.builds(NodeAdded, st.builds(Node, ids, poses, st.text(max_size=8), st.booleans()), causes),
-    st.builds(NodeDropped, ids, causes),
+edges = st.builds(d.Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8))
+deltas: st.SearchStrategy[d.GraphDelta] = st.one_of(
+    st.builds(d.NodeAdded, st.builds(d.Node, ids, poses, st.text(max_size=8), st.booleans()), causes),
+    st.builds(d.NodeDropped, ids, causes),
     st.builds(
-        EdgeAdded,
-        st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8)),
+        d.EdgeAdded,
+        st.builds(d.Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8)),
         causes,
     ),
-    st.builds(BeliefUpdated, ids, ids, beliefs, ids, ids, causes),
-    st.builds(EdgePruned, ids, ids, causes),
-    st.builds(EdgeProtected, ids, ids, st.booleans(), causes),
-    st.builds(EdgeActionSet, ids, ids, st.text(max_size=8), causes),
-    st.builds(PresenceObserved, ids, ids, st.booleans(), finite, causes),
-    st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
-    st.builds(FramesReserved, frames, causes),
-    st.builds(FramesReleased, frames, causes),
+    st.builds(d.BeliefUpdated, ids, ids, beliefs, ids, ids, causes),
+    st.builds(d.EdgePruned, ids, ids, causes),
+    st.builds(d.EdgeProtected, ids, ids, st.booleans(), causes),
+    st.builds(d.EdgeActionSet, ids, ids, st.text(max_size=8), causes),
+    st.builds(d.PresenceObserved, ids, ids, st.booleans(), finite, causes),
+    st.builds(d.NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
+    st.builds(d.FramesReserved, frames, causes),
+    st.builds(d.FramesReleased, frames, causes),
 )
 changes = st.builds(GraphChanged, deltas, st.none() | ids, st.none() | ids)
 names = st.text(max_size=8)
@@ -237,7 +219,7 @@ def test_a_map_without_all_its_images_is_not_saved(tmp_path: Path) -> None:
 
 
 def test_a_map_of_other_weights_is_refused(tmp_path: Path) -> None:
-    graph = TopologicalGraph([NodeAdded(Node(0, PoseRow(0, 0, 0)), Cause.BUILD)])
+    graph = TopologicalGraph([d.NodeAdded(d.Node(0, d.PoseRow(0, 0, 0)), d.Cause.BUILD)])
     save_map(
         tmp_path / "map.rrd", graph, [example_recording.observation(0)], scene="demo", fingerprint="abc", config={}
     )

@@ -203,11 +203,6 @@ class CameraModel:
         """Aspect ratio of its images, width over height."""
         return self.width / self.height
 
-    @property
-    def is_ideal(self) -> bool:
-        """Whether its images are upright and free of distortion, as all images are after preprocessing."""
-        return not (self.distortion or self.fisheye or self.quarter_turns or self.roll_rad)
-
     def scaled(self, width: int, height: int) -> "CameraModel":
         """Return the same camera with resized images; lens and mounting stay."""
         across = width / self.width

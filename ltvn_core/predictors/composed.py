@@ -42,18 +42,15 @@ class Recogniser(Protocol):
         ...
 
 
-class Poser(Predictor, Protocol):
-    """Pose estimator: returns the pose of a target, and r for its confidence. Any predictor is one."""
-
-
 class ComposedPredictor:
     """Runs the poser only on pairs proposed by the recogniser.
 
     Features are objects (N, 2): a place descriptor and a feature row of the poser.
     """
 
-    def __init__(self, recogniser: Recogniser, poser: Poser) -> None:
-        """Combine the two; images must be those of the poser's camera."""
+    def __init__(self, recogniser: Recogniser, poser: Predictor) -> None:
+        """Combine the two; images must be those of the camera of `poser`, which gives the pose of a target, and r for
+        its confidence."""
         self._recogniser = recogniser
         self._poser = poser
         self.needs_depth = predictor_card(poser).needs_depth

@@ -107,10 +107,9 @@ class OdometryGate:
     def _use_links(self, links: Sequence[DriveLink] | None) -> None:
         """Use links in both directions, L of them; `links` is None if no search was made."""
         self._separates = links is not None
-        ends = np.array([(self._row[link.frame], self._row[link.other]) for link in links or ()], np.intp).reshape(
-            -1, 2
-        )
-        steps = np.array([link.waypoint for link in links or ()], np.float64).reshape(-1, 3)
+        links = links or ()
+        ends = np.array([self.rows([link.frame, link.other]) for link in links], np.intp).reshape(-1, 2)
+        steps = np.array([link.waypoint for link in links], np.float64).reshape(-1, 3)
         self._links = np.concatenate([ends, ends[:, ::-1]])
         """(L, 2) rows of the images at which links begin and end."""
         self._link_steps: Waypoint = np.concatenate([steps, invert(steps)])
@@ -131,9 +130,8 @@ class OdometryGate:
             driven, path_m = self._way(row, rows)
             # Another link may give another relative pose of such an image, or give it from the other side.
             factor = np.where(self.stretch == self.stretch[row], 1.0, _OTHER_LINK)
-            near = np.hypot(driven[:, 0], driven[:, 1]) - _ROUNDING <= self._reach_m + factor * self._allowance_m(
-                path_m
-            )
+            allowed_m = self._reach_m + factor * self._allowance_m(path_m)
+            near = np.hypot(driven[:, 0], driven[:, 1]) - _ROUNDING <= allowed_m
             self._near[row] = rows[near].astype(np.int32)
             self._remembered += len(self._near[row])
         return self._near[row]
@@ -142,9 +140,7 @@ class OdometryGate:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""
         if not nodes or not self._config.odometry_drift:
             return tuple(nodes)
-        here = self._row[frame]
-        there = self.rows(nodes)
-        driven, path_m = self._way(here, there)
+        driven, path_m = self._way(self._row[frame], self.rows(nodes))
         near = np.hypot(driven[:, 0], driven[:, 1]) <= self._reach_m + self._allowance_m(path_m)
         # d is at least sqrt(2) per radian, so an image that is turned far enough is too far away as well.
         near &= np.abs(wrap_angle(driven[:, 2])) <= self._reach_m / np.sqrt(2) + self._allowance_rad(path_m)
@@ -154,9 +150,7 @@ class OdometryGate:
         """Tell for each match (N,) whether odometry allows its waypoint."""
         if not len(matches) or not self._config.odometry_drift:
             return np.ones(len(matches), bool)
-        here = self._row[frame]
-        there = self.rows(matches.nodes)
-        driven, path_m = self._way(here, there)
+        driven, path_m = self._way(self._row[frame], self.rows(matches.nodes))
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
         return (gap_m <= self._allowance_m(path_m)) & (gap_rad <= self._allowance_rad(path_m))
@@ -170,12 +164,9 @@ class OdometryGate:
 
         None if odometry is not used, if it jumps between the two, or if a pause between them makes it uncertain.
         """
-        here = self._row[frame]
-        there = self._row[other]
-        between = slice(min(here, there), max(here, there))
-        if not self._config.odometry_drift or self.stretch[here] != self.stretch[there]:
-            return None
-        if self._pauses[between].any():
+        here, there = self._row[frame], self._row[other]
+        is_broken = self.stretch[here] != self.stretch[there] or self._pauses[min(here, there) : max(here, there)].any()
+        if is_broken or not self._config.odometry_drift:
             return None
         return relative(self.poses[here], self.poses[there])
 

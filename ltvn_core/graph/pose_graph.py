@@ -82,25 +82,7 @@ def optimise(
     closures in the mask `among` (K,) can count as true; those in `sure` (K,) do.
     """
     possible = _within_the_way(odometry, closures) & among
-    sure = np.broadcast_to(sure, len(possible))[possible]
-    found = _optimise_possible(poses, odometry, closures.among(possible), sure)
-    kept = np.zeros(len(possible), np.bool_)
-    kept[possible] = found.kept
-    return OptimisedPoses(found.poses, kept)
-
-
-def _within_the_way(odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.bool_]:
-    """Return a mask (K,) of the closures whose places are no farther apart than the driven distance allows."""
-    driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(odometry.poses[:, 0], odometry.poses[:, 1]))])
-    way_m = np.abs(driven_m[closures.first] - driven_m[closures.second])
-    apart_m = np.hypot(closures.poses[:, 0], closures.poses[:, 1])
-    slack_m = np.sqrt(_TRUNCATED_ABOVE) * np.hypot(closures.deviations[:, 0], closures.deviations[:, 1])
-    return apart_m <= _LONGEST_WAY * way_m + slack_m
-
-
-def _optimise_possible(
-    poses: Pose, odometry: RelativePoses, closures: RelativePoses, sure: NDArray[np.bool_]
-) -> OptimisedPoses:
+    closures, sure = closures.among(possible), np.broadcast_to(sure, len(possible))[possible]
     worst = _squared(closures.errors(poses)).max(initial=0.0)
     weights = np.ones(len(closures.first))
     control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
@@ -111,9 +93,20 @@ def _optimise_possible(
         if ((weights == 0) | (weights == 1)).all():
             break
         control *= _GROWTH
-    kept = weights > 0.5
-    poses = _least_squares(poses, odometry, closures, kept.astype(float), solver, most_steps=_LAST_STEPS)
+    true = (weights > 0.5).astype(float)
+    poses = _least_squares(poses, odometry, closures, true, solver, most_steps=_LAST_STEPS)
+    kept = possible.copy()
+    kept[possible] = true > 0
     return OptimisedPoses(poses, kept)
+
+
+def _within_the_way(odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.bool_]:
+    """Return a mask (K,) of the closures whose places are no farther apart than the driven distance allows."""
+    driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(odometry.poses[:, 0], odometry.poses[:, 1]))])
+    way_m = np.abs(driven_m[closures.first] - driven_m[closures.second])
+    apart_m = np.hypot(closures.poses[:, 0], closures.poses[:, 1])
+    slack_m = np.sqrt(_TRUNCATED_ABOVE) * np.hypot(closures.deviations[:, 0], closures.deviations[:, 1])
+    return apart_m <= _LONGEST_WAY * way_m + slack_m
 
 
 def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[np.float64]:

@@ -24,12 +24,7 @@ from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.keyframes import KeyframeStore, usable_trajectory
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import DriveLink, Newcomers, OdometryGate
-from ltvn_core.graph.operators import (
-    connectable,
-    nearest_mergeable,
-    node_from_observation,
-    node_with_edges,
-)
+from ltvn_core.graph.operators import connectable, nearest_mergeable, node_from_observation, node_with_edges
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import mend_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor

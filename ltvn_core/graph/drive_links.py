@@ -7,7 +7,7 @@ a few votes (ours). Owns that vote; the matches come from the network.
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -120,17 +120,14 @@ class _Votes:
         self.gate = self.gate.linked(self.agreed)
 
 
-def _ever_denser(frames: Sequence[FrameId]) -> Iterator[FrameId]:
-    """Yield all frames, first few that are evenly spread, then those between them."""
-    yielded = set[FrameId]()
+def _ever_denser(frames: Sequence[FrameId]) -> list[FrameId]:
+    """Return all frames, first few that are evenly spread, then those between them."""
+    ordered = dict[FrameId, None]()
     step = len(frames)
     while step:
-        for frame in frames[step // 2 :: step]:
-            if frame not in yielded:
-                yielded.add(frame)
-                yield frame
+        ordered |= dict.fromkeys(frames[step // 2 :: step])
         step //= 2
-    yield from (frame for frame in frames if frame not in yielded)
+    return [*ordered]
 
 
 def surest_links(

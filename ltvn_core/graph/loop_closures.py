@@ -126,12 +126,8 @@ def _tilt_distances(here: ObservationSequence, there: ObservationSequence) -> ND
 
 def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the first few pairs, in the given order, in which no image occurs twice."""
-    chosen = list[int]()
-    used_first = set[int]()
-    used_second = set[int]()
-    for k in order.tolist():
-        a = int(first[k])
-        b = int(second[k])
+    chosen, used_first, used_second = list[int](), set[int](), set[int]()
+    for k, a, b in zip(order.tolist(), first[order].tolist(), second[order].tolist(), strict=True):
         if a not in used_first and b not in used_second and len(chosen) < _PAIRS:
             chosen.append(k)
             used_first.add(a)

@@ -173,13 +173,12 @@ def without_slips(
 def _mended(drive: Sequence[Observation], slips: Sequence[Slip], confirms: Confirms | None) -> Sequence[Observation]:
     ends = [0, *(slip.row for slip in slips), len(drive)]
     frame: Pose | None = None
-    mended = list[Observation]()
-    by_row = {slip.row: (slip, (ends[k], ends[k + 2] - 1)) for k, slip in enumerate(slips)}
-    for row, seen in enumerate(drive):
-        slip, around = by_row.get(row, (None, (0, 0)))
-        if slip is not None and (confirms is None or confirms(drive, slip, around)):
-            frame = compose(compose(mended[-1].odometry, slip.truly), invert(seen.odometry))
-        mended.append(seen if frame is None else replace(seen, odometry=compose(frame, seen.odometry)))
+    mended = [*drive[: ends[1]]]
+    for k, slip in enumerate(slips):
+        if confirms is None or confirms(drive, slip, (ends[k], ends[k + 2] - 1)):
+            frame = compose(compose(mended[-1].odometry, slip.truly), invert(drive[slip.row].odometry))
+        for seen in drive[slip.row : ends[k + 2]]:
+            mended.append(seen if frame is None else replace(seen, odometry=compose(frame, seen.odometry)))
     return mended
 
 

@@ -50,6 +50,7 @@ MAX_RETRIES_PER_NODE = 4
 """Number of reserved images that are tried again with each new node."""
 SAMPLES, NEIGHBOURS = 60, 24
 """Most left-over images in one strict search for a path, and most nodes with which each is compared."""
+MOST_RESERVED = 2000
 BRIDGES_TRIED = 12
 """Number of recently merged images with which an image without a neighbour is compared."""
 
@@ -57,22 +58,13 @@ BRIDGES_TRIED = 12
 class OnlineBuilder:
     """Merges, connects or keeps each image; apply the deltas of one image before offering the next."""
 
-    def __init__(
-        self,
-        graph: TopologicalGraph,
-        keyframes: KeyframeStore,
-        predictor: Predictor,
-        method: Method,
-        *,
-        reserve_limit: int = 2000,
-    ) -> None:
-        """Grow `graph`; the reserve never holds more than `reserve_limit` images."""
+    def __init__(self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, method: Method) -> None:
+        """Grow `graph`; the reserve never holds more than `MOST_RESERVED` images."""
         self._graph = graph
         self._keyframes = keyframes
         self._matcher = Matcher(predictor, keyframes, method.matching)
         self._method = method
         self._thresholds = method.building
-        self._reserve_limit = reserve_limit
         self._pending: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
         """The images that merged last, each with the node that it merged with."""
@@ -154,7 +146,7 @@ class OnlineBuilder:
             self._keyframes.drop([frame])
             return
         reserve = self._graph.reserve
-        if reserve and len(reserve) >= self._reserve_limit:
+        if len(reserve) >= MOST_RESERVED:
             oldest = next(iter(reserve))
             self._pending.pop(oldest, None)
             self._keyframes.drop([oldest])

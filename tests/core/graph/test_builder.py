@@ -201,11 +201,11 @@ def test_progress_counts_up_to_all_images_through_all_stages(method: Method) -> 
 
 
 def driven(
-    images: Iterable[Observation], method: Method = ROBUST, limit: int = 2000, sight_m: float = 2.0
+    images: Iterable[Observation], method: Method = ROBUST, sight_m: float = 2.0
 ) -> tuple[TopologicalGraph, KeyframeStore, list[GraphDelta]]:
     graph, predictor, history = TopologicalGraph(), FlatPredictor(one_room(), sight_m=sight_m), []
     keyframes = KeyframeStore(predictor)
-    online = OnlineBuilder(graph, keyframes, predictor, method, reserve_limit=limit)
+    online = OnlineBuilder(graph, keyframes, predictor, method)
     for seen in images:
         for delta in online.offer(seen):
             graph.apply(delta)
@@ -240,8 +240,9 @@ def test_a_near_sighted_predictor_joins_images_by_way_of_merged_ones() -> None:
     assert len(driven(images, without, sight_m=0.4)[0].nodes) < 3
 
 
-def test_the_reserve_is_bounded_and_its_oldest_images_go() -> None:
-    graph, keyframes, _ = driven(tour(ROUND), limit=25)
+def test_the_reserve_is_bounded_and_its_oldest_images_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ltvn_core.graph.ltvn.MOST_RESERVED", 25)
+    graph, keyframes, _ = driven(tour(ROUND))
     assert len(graph.reserve) == 25
     assert len(keyframes) == len(graph.nodes) + 25
 

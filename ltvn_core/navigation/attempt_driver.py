@@ -8,6 +8,7 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, transform_points
 from ltvn_core.config import DrivingConfig
@@ -127,7 +128,8 @@ class AttemptDriver:
                 yield from self._wait()
                 continue
             yield from motion.move(twist)
-            if motion.collisions > collisions_before or (step == 0 and motion.in_collision and twist.linear_m_s):
+            was_in_contact = step == 0 and motion.state.bumper_pressed and twist.linear_m_s
+            if motion.collisions > collisions_before or was_in_contact:
                 self.obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
@@ -137,12 +139,17 @@ class AttemptDriver:
         """Tell whether to wait because people nearby may clear the way; if so, allow all detours again."""
         if self._patience_steps <= 0:
             return False
-        people = transform_points(self.obstacles.bystanders.near(self._motion.stamp), invert(self._motion.odometry))
+        people = self._people()
         if not ((people[:, 0] > 0) & (np.hypot(*people.T) < _WAITED_FOR_M)).any():
             return False
         self._detour = None
         self._detours_left = self._config.bends
         return True
+
+    def _people(self) -> NDArray[np.float64]:
+        """Return (N, 2) last known places of people, in the robot's frame."""
+        state = self._motion.state
+        return transform_points(self.obstacles.bystanders.near(state.stamp), invert(state.odometry))
 
     def _wait(self) -> Generator[Event | Tick, None, None]:
         for _ in range(_LOOK_AGAIN_STEPS):
@@ -164,7 +171,7 @@ class AttemptDriver:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = steering.drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
-        about = self.obstacles.bystanders.are_about(self._motion.stamp)
+        about = self.obstacles.bystanders.are_about(self._motion.state.stamp)
         is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
         self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
@@ -269,7 +276,7 @@ class AttemptDriver:
             return twist
         odometry = self._motion.odometry
         backwards = twist.linear_m_s < 0
-        if self.obstacles.is_outdated(odometry, self._motion.stamp):
+        if self.obstacles.is_outdated(odometry, self._motion.state.stamp):
             self.obstacles.add(self._perception.observation)
         points = self.obstacles.nearby_points(odometry, backwards=backwards)
         if backwards and self._backwards:
@@ -281,8 +288,7 @@ class AttemptDriver:
 
     def _careful(self, twist: Twist) -> Twist:
         """Return a command slowed down near people; people whom the robot has passed are ignored."""
-        odometry = self._motion.odometry
-        people = transform_points(self.obstacles.bystanders.near(self._motion.stamp), invert(odometry))
+        people = self._people()
         people = people[people[:, 0] * np.sign(twist.linear_m_s) > 0]
         if not len(people):
             return twist
@@ -296,13 +302,13 @@ class AttemptDriver:
         if self.avoid_obstacles(ahead, length_m) == ahead:
 
             def nobody_comes() -> bool:
-                is_alone = not self.obstacles.bystanders.are_about(self._motion.stamp)
+                is_alone = not self.obstacles.bystanders.are_about(self._motion.state.stamp)
                 return is_alone or self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
             yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=nobody_comes)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
-        if self.obstacles.bystanders.are_about(self._motion.stamp):
+        if self.obstacles.bystanders.are_about(self._motion.state.stamp):
             return  # The camera looks the other way, so the robot stands still and touches nobody.
         length_m = _BACK_OFF_M if backwards else -_BACK_OFF_M
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)

@@ -132,10 +132,10 @@ class Navigator:
                     self._arrived = state.places, motion.odometry.copy()
             except QueryAborted as over:
                 outcome = over.outcome
-            motion.stop()
+            self._robot.stop()
             yield StateChanged(NavigatorState.IDLE)
             ended = QueryEnded(query, goal, outcome, motion.steps, motion.collisions, motion.path_m)
             yield ended if arrival is None else replace(ended, **arrival._asdict())
         finally:
-            motion.stop()
+            self._robot.stop()
             self._motion = None

@@ -63,7 +63,8 @@ class MotionExecutor:
         self._query = query
         self._limits = limits
         self._slips = slips
-        self._state = self._mended(robot.state())
+        self.state = self._mended(robot.state())
+        """State of the robot after the last step, with corrected odometry."""
         self.steps = 0
         self._uncounted = 0
         self.collisions = 0
@@ -73,17 +74,7 @@ class MotionExecutor:
     @property
     def odometry(self) -> Pose:
         """(3,) pose of the robot in the odometry frame."""
-        return self._state.odometry
-
-    @property
-    def stamp(self) -> float:
-        """Time of the last state, in seconds on the robot's clock."""
-        return self._state.stamp
-
-    @property
-    def in_collision(self) -> bool:
-        """Whether the bumper is in contact."""
-        return self._state.bumper_pressed
+        return self.state.odometry
 
     def observe(self) -> Observation:
         """Take an observation now; correct odometry if the observation shows that the wheels slipped."""
@@ -97,12 +88,8 @@ class MotionExecutor:
         if self._slips is None:
             return seen
         seen = self._slips.see(seen)
-        self._state = self._state._replace(odometry=self._mended(self._robot.state()).odometry)
+        self.state = self.state._replace(odometry=self._mended(self._robot.state()).odometry)
         return seen
-
-    def stop(self) -> None:
-        """Stop now."""
-        self._robot.stop()
 
     def move(self, twist: Twist) -> Iterator[Event | Tick]:
         """Command a velocity for one control step; raise QueryAborted at a limit."""
@@ -113,10 +100,10 @@ class MotionExecutor:
         self._robot.drive(twist)
         yield Tick()
         felt = self._robot.state()
-        before, self._state = self._state, self._mended(felt)
+        before, self.state = self.state, self._mended(felt)
         self.steps += 1
-        self.path_m += float(np.hypot(*(self._state.odometry - before.odometry)[:2]))
-        if self._state.bumper_pressed and not before.bumper_pressed:
+        self.path_m += float(np.hypot(*(self.state.odometry - before.odometry)[:2]))
+        if self.state.bumper_pressed and not before.bumper_pressed:
             self.collisions += 1
             yield Collided(self._query, self.collisions)
         if self.collisions > self._limits.collision_limit:

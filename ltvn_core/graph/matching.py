@@ -174,15 +174,10 @@ class Matcher:
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs of images (P, F), (P, F) that are neighbours in time of the matches, and the match (P,) of
         each pair."""
-        beside = [self.keyframes.temporal_neighbours(node, _SUPPORT_GAP) for node in matches.nodes]
-        counts = [len(frames) for frames in beside]
-        here = [
-            np.repeat(features, sum(counts), axis=0),
-            np.repeat(self.keyframes.features(own), len(matches), axis=0),
-        ]
-        there = [
-            self.keyframes.features([frame for frames in beside for frame in frames]),
-            np.tile(self.keyframes.features(matches.nodes), (len(own), 1)),
-        ]
-        owners = [np.repeat(np.arange(len(matches)), counts), np.tile(np.arange(len(matches)), len(own))]
+        stored = self.keyframes.features
+        around = [self.keyframes.temporal_neighbours(node, _SUPPORT_GAP) for node in matches.nodes]
+        beside = [(k, frame) for k, frames in enumerate(around) for frame in frames]
+        here = np.repeat(features, len(beside), axis=0), np.repeat(stored(own), len(matches), axis=0)
+        there = stored([frame for _, frame in beside]), np.tile(stored(matches.nodes), (len(own), 1))
+        owners = np.array([k for k, _ in beside], np.intp), np.tile(np.arange(len(matches)), len(own))
         return np.concatenate(here), np.concatenate(there), np.concatenate(owners)

@@ -5,7 +5,7 @@ odometry does not matter. The navigator detects obstructions and decides about t
 """
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,15 +127,18 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId) -> dict[NodeId, Pose]:
         if here in found:
             continue
         found[here] = np.array(place)
-        edges = _edges_at(graph, here)
         onward = [
             (so_far, other, edge)
-            for edge in edges
+            for edge in _edges_at(graph, here)
             if (other := edge.target if edge.source == here else edge.source) not in found
             and (so_far := length + edge.belief.mu) <= _NEARBY_D
         ]
-        places = _beyond(found[here], [edge for *_, edge in onward], here)
-        for (so_far, other, _), there in zip(onward, places, strict=True):
+        if not onward:
+            continue
+        steps = np.array([edge.waypoint for *_, edge in onward])
+        back = np.array([edge.source != here for *_, edge in onward])
+        steps[back] = invert(steps[back])
+        for (so_far, other, _), there in zip(onward, compose(found[here], steps).tolist(), strict=True):
             heapq.heappush(queue, (so_far, other, there))
     return found
 
@@ -145,13 +148,3 @@ def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
     keys = [(node, other) for other in graph.successors(node)] + [(other, node) for other in graph.predecessors(node)]
     edges = graph.edges
     return [edge for key in keys if not (edge := edges[key]).action]
-
-
-def _beyond(pose: Pose, edges: Sequence[Edge], here: NodeId) -> list[list[float]]:
-    """Return the poses (3,) of the other ends of edges, given the pose (3,) of the node `here` at one end."""
-    if not edges:
-        return []
-    steps = np.array([edge.waypoint for edge in edges])
-    back = np.array([edge.source != here for edge in edges])
-    steps[back] = invert(steps[back])
-    return compose(pose, steps).tolist()

@@ -249,10 +249,9 @@ class _BuildRun:
         for fresh in self._not_met(row):
             found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
             found = found.take(self._odometry_gate.plausible(seen.step, found))
-            if (
-                seen.step not in self._goals
-                and (merging := nearest_mergeable(seen.step, found, self._matcher, self._thresholds)) is not None
-            ):
+            is_goal = seen.step in self._goals
+            merging = None if is_goal else nearest_mergeable(seen.step, found, self._matcher, self._thresholds)
+            if merging is not None:
                 self._merged[seen.step] = merging
                 self._newly_merged.enter(row)
                 self._join(seen.step, merging.nodes[0])

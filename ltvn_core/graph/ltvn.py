@@ -76,11 +76,8 @@ class OnlineBuilder:
         without a neighbour are tried again when a node is added.
         """
         frame = observation.step
-        if (
-            frame in self._keyframes
-            or frame in self._graph.nodes
-            or not is_usable(observation, self._matcher.predictor)
-        ):
+        is_known = frame in self._keyframes or frame in self._graph.nodes
+        if is_known or not is_usable(observation, self._matcher.predictor):
             return ()
         self._keyframes.add([observation])
         if not self._graph.nodes:

@@ -281,12 +281,9 @@ def _localised(event: e.Localised) -> str:
 def _planned(event: e.Planned) -> str:
     if not event.nodes:
         return "no path to the goal"
-    return f"plan of {count_text(len(event.nodes), 'node')}, cost {event.cost:.2f}: {_path(event.nodes)}"
-
-
-def _path(nodes: Sequence[NodeId]) -> str:
-    shown = [*map(str, nodes)]
-    return " → ".join(shown if len(shown) <= _MAX_NODES else [*shown[: _MAX_NODES - 2], "...", shown[-1]])
+    shown = [*map(str, event.nodes)]
+    path = " → ".join(shown if len(shown) <= _MAX_NODES else [*shown[: _MAX_NODES - 2], "...", shown[-1]])
+    return f"plan of {count_text(len(event.nodes), 'node')}, cost {event.cost:.2f}: {path}"
 
 
 def _is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...] | None) -> bool:

@@ -341,8 +341,7 @@ def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     )
     places = away_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     onward = goal - places
-    aside = (
-        np.stack([-onward[:, 1], onward[:, 0]], axis=-1) / np.maximum(np.linalg.norm(onward, axis=-1), 0.01)[:, None]
-    )
+    length_m = np.maximum(np.linalg.norm(onward, axis=-1), 0.01)
+    aside = np.stack([-onward[:, 1], onward[:, 0]], axis=-1) / length_m[:, None]
     ends = goal + _GOAL_OFFSETS_M[:, None, None] * aside
     return np.tile(places, (len(_GOAL_OFFSETS_M), 1)), ends.reshape(-1, 2)

@@ -51,6 +51,7 @@ MAX_RETRIES_PER_NODE = 4
 SAMPLES, NEIGHBOURS = 60, 24
 """Most left-over images in one strict search for a path, and most nodes with which each is compared."""
 MOST_RESERVED = 2000
+"""Largest number of images in the reserve of a map that grows during driving."""
 BRIDGES_TRIED = 12
 """Number of recently merged images with which an image without a neighbour is compared."""
 

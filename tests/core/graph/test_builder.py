@@ -214,10 +214,9 @@ def driven(
 
 
 def test_the_map_grows_in_one_piece_and_is_the_fold_of_what_was_told() -> None:
-    images = IMAGES
-    graph, keyframes, history = driven(images)
-    assert 10 < len(graph.nodes) < len(images) / 2
-    assert reachable_nodes(graph, images[0].step) == set(graph.nodes)
+    graph, keyframes, history = driven(IMAGES)
+    assert 10 < len(graph.nodes) < len(IMAGES) / 2
+    assert reachable_nodes(graph, IMAGES[0].step) == set(graph.nodes)
     assert TopologicalGraph(history) == graph
     assert set(keyframes.frames) == set(graph.nodes) | set(graph.reserve)
 

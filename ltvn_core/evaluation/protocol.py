@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.scene import Scene
 
 USUAL_LOOPS = 3
-_SMALL_M2 = 100.0
+_SMALL_M2, _STEPS_M2 = 100.0, 4.0
+"""Area of a home that counts as small, and the control steps for each square metre of a very large building."""
 _MIN_EPISODE_M = 1.0
 """Least straight distance between start and goal, in metres."""
 _MIN_GOAL_GAP_M = 1.5
@@ -71,8 +72,8 @@ class EvaluationProtocol:
         return OdometryNoise(self.distance_noise, self.angle_noise, slips=self.slips_per_m)
 
     def steps_in(self, scene: "Scene") -> int:
-        """Return K for a scene."""
-        return self.step_limit or (1000 if scene.area_m2 < _SMALL_M2 else 2000)
+        """Return K for a scene: the paper's in homes, and longer in buildings that are larger than any of these."""
+        return self.step_limit or (1000 if scene.area_m2 < _SMALL_M2 else max(2000, round(_STEPS_M2 * scene.area_m2)))
 
 
 @dataclass(frozen=True, slots=True)

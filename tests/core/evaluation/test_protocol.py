@@ -70,6 +70,7 @@ def test_the_step_limit_is_the_papers_for_small_and_large_scenes_unless_a_person
     small, large = load_scene("demo"), replace(load_scene("demo"), area_m2=124.0)
 
     assert (EvaluationProtocol().steps_in(small), EvaluationProtocol().steps_in(large)) == (1000, 2000)
+    assert EvaluationProtocol().steps_in(replace(large, area_m2=1000.0)) == 4000
     assert EvaluationProtocol(step_limit=77).steps_in(large) == 77
 
 

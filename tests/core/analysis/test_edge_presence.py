@@ -22,6 +22,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Localised, Planned, QueryStarted, StampedEvent, WorldChanged
 from ltvn_core.worlds import DoorMoved, TimePassed
 from tests.core.evaluation.ground_truth_map import map_with_edges
+from tests.core.graph.small_maps import edge_added, node_added
 
 RULES = Rules(ROBUST, presence_filter=PERSISTENT)
 CLOSED_TWICE = [PresenceObservation(present=False, stamp_s=float(at)) for at in (100, 700)]
@@ -30,13 +31,7 @@ OPENED = [*CLOSED_TWICE, PresenceObservation(present=True, stamp_s=4000.0)]
 
 def run_with(observations: list[PresenceObservation]) -> list[StampedEvent]:
     """Return the events of a map of one edge that was observed now and then."""
-    here = d.PoseRow(0.0, 0.0, 0.0)
-    edge = d.Edge(1, 2, d.PoseRow(0.6, 0.0, 0.0), d.Belief(0.9, 0.6, 0.02))
-    deltas = [
-        d.NodeAdded(d.Node(1, here), d.Cause.BUILD),
-        d.NodeAdded(d.Node(2, here), d.Cause.BUILD),
-        d.EdgeAdded(edge, d.Cause.BUILD),
-    ]
+    deltas = node_added(1), node_added(2), edge_added(1, 2, 0.6)
     events = [StampedEvent(0, 0.0, GraphChanged(delta)) for delta in deltas]
     for number, (present, at_s) in enumerate(observations):
         seen = d.PresenceObserved(1, 2, present=present, stamp=at_s, cause=d.Cause.ATTEMPT)
@@ -84,11 +79,8 @@ EIGHT = 8 * HOUR
 
 def through_the_door(around: float) -> list[GraphChanged]:
     """Return a map with a way 0, 1, 2 by the door 1 -> 2, and one by 3 that is `around` long."""
-    graph = [GraphChanged(d.NodeAdded(d.Node(k, d.PoseRow(0, 0, 0)), d.Cause.BUILD)) for k in range(4)]
-    for source, target, mu in ((0, 1, 0.5), (1, 2, 0.5), (0, 3, around / 2), (3, 2, around / 2), (1, 0, 0.5)):
-        edge = d.Edge(source, target, d.PoseRow(mu, 0, 0), d.Belief(0.99, mu, 0.02))
-        graph.append(GraphChanged(d.EdgeAdded(edge, d.Cause.BUILD)))
-    return graph
+    ways = ((0, 1, 0.5), (1, 2, 0.5), (0, 3, around / 2), (3, 2, around / 2), (1, 0, 0.5))
+    return [GraphChanged(delta) for delta in (*map(node_added, range(4)), *(edge_added(*way, p=0.99) for way in ways))]
 
 
 def run(around: float, waited_s: float) -> Timeline:

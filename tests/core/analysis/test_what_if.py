@@ -23,20 +23,18 @@ from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, MapError, OptionError
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation import events as e
 from ltvn_core.systems.registry import open_system
+from tests.core.graph.small_maps import edge_added, node_added
 from tests.repository import DEMO_DRIVE
 
 
 def diamond() -> TopologicalGraph:
     """Two ways from 0 to 3: by 1, which is short, and by 2; node 4 is on its own."""
-    graph = TopologicalGraph(NodeAdded(Node(k, PoseRow(0, 0, 0)), Cause.BUILD) for k in range(5))
-    for source, target, mu in ((0, 1, 0.5), (1, 3, 0.5), (0, 2, 0.8), (2, 3, 0.8)):
-        edge = Edge(source, target, PoseRow(mu, 0, 0), Belief(0.9, mu, 0.02), attempts=6, successes=1)
-        graph.apply(EdgeAdded(edge, Cause.BUILD))
-    return graph
+    ways = ((0, 1, 0.5), (1, 3, 0.5), (0, 2, 0.8), (2, 3, 0.8))
+    return TopologicalGraph([*map(node_added, range(5)), *(edge_added(*way, attempts=6, successes=1) for way in ways)])
 
 
 ASKED = Moment(diamond(), 0, 3)
@@ -176,9 +174,8 @@ def test_what_cannot_be_imagined_is_said(change: w.WhatIfChange, message: str) -
 @pytest.fixture
 def graph() -> TopologicalGraph:
     """Two places a metre apart, joined one way."""
-    here, there = Node(12, PoseRow(0, 0, 0)), Node(40, PoseRow(1, 0, 0))
-    edge = Edge(12, 40, PoseRow(1, 0, 0), Belief(0.6, 1.1, 0.02))
-    return TopologicalGraph([*(NodeAdded(node, Cause.BUILD) for node in (here, there)), EdgeAdded(edge, Cause.BUILD)])
+    between = Edge(12, 40, PoseRow(1, 0, 0), Belief(0.6, 1.1, 0.02))
+    return TopologicalGraph([node_added(12), node_added(40, 1.0), EdgeAdded(between, Cause.BUILD)])
 
 
 @pytest.mark.parametrize("text", w.WHAT_IF_EXAMPLES)

@@ -3,10 +3,11 @@
 import numpy as np
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId, Observation, Pose
 from tests.core.flat_world import observation_at
+from tests.core.graph.small_maps import edge_added, node_added
 from tests.core.simulation.fake_scene import BoxScene
 
 PLACES: dict[NodeId, tuple[float, float, float]] = {
@@ -38,10 +39,5 @@ def truth() -> GroundTruth:
 
 def map_with_edges(*edges: EdgeKey, p: float = 0.9, nodes: tuple[NodeId, ...] = tuple(PLACES)) -> TopologicalGraph:
     """Return a map of all places with these edges."""
-    changes: list[GraphDelta] = [NodeAdded(Node(node, PoseRow(0.0, 0.0, 0.0)), Cause.LOAD) for node in nodes]
-    return TopologicalGraph([*changes, *(edge_added(edge, p) for edge in edges)])
-
-
-def edge_added(edge: EdgeKey, p: float = 0.9) -> EdgeAdded:
-    """Return the change that brings an edge in."""
-    return EdgeAdded(Edge(*edge, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.1)), Cause.LOAD)
+    added = (edge_added(*edge, p=p, sigma2=0.1, cause=Cause.LOAD) for edge in edges)
+    return TopologicalGraph([*(node_added(node, cause=Cause.LOAD) for node in nodes), *added])

@@ -9,14 +9,8 @@ from ltvn_core.errors import MapError
 from ltvn_core.evaluation.ground_truth import GroundTruth, calibration_bins, floorplan, map_truth_metrics, shortest_m
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.types import NodeId, Observation
-from tests.core.evaluation.ground_truth_map import (
-    PLACES,
-    edge_added,
-    exact_pose_of,
-    map_with_edges,
-    observation_of,
-    truth,
-)
+from tests.core.evaluation.ground_truth_map import PLACES, exact_pose_of, map_with_edges, observation_of, truth
+from tests.core.graph.small_maps import edge_added
 from tests.core.simulation.fake_scene import BoxScene
 
 THROUGH_THE_WALL = [(5, 6), (6, 5)]
@@ -39,7 +33,7 @@ def test_a_turn_on_the_spot_is_not_spurious_however_far_it_is() -> None:
 def test_truth_follows_a_map_that_changes() -> None:
     graph, known = map_with_edges((1, 2), (5, 6)), truth()
     assert known.spurious(graph) == {(5, 6)}
-    graph.apply(edge_added((6, 5)))
+    graph.apply(edge_added(6, 5))
     assert known.spurious(graph) == set(THROUGH_THE_WALL)
     graph.apply(EdgePruned(5, 6, Cause.HAND))
     assert known.spurious(graph) == {(6, 5)}
@@ -120,7 +114,7 @@ def test_a_goal_behind_a_spurious_edge_is_one_that_nobody_was_told_of() -> None:
 
 def test_calibration_compares_belief_with_truth() -> None:
     graph = map_with_edges((1, 2), (2, 3), (3, 4), (5, 6), p=0.92)
-    graph.apply(edge_added((6, 5), p=0.15))
+    graph.apply(edge_added(6, 5, p=0.15))
     low, high = calibration_bins(graph, truth())
     assert (low.edges, low.mean_p, low.drivable) == (1, pytest.approx(0.15), 0.0)
     assert (high.low, high.high) == pytest.approx((0.9, 1.0))

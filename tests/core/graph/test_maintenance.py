@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig, Method
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import Belief, Cause, EdgePruned, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import (
@@ -24,14 +24,11 @@ from ltvn_core.graph.operators import (
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
-
-HERE = PoseRow(0.0, 0.0, 0.0)
+from tests.core.graph.small_maps import edge_added, node_added
 
 
 def one_edge(p: float = 0.8, *, protected: bool = False) -> TopologicalGraph:
-    edge = Edge(1, 2, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.02), protected=protected)
-    nodes = [NodeAdded(Node(frame, HERE), Cause.BUILD) for frame in (1, 2)]
-    return TopologicalGraph([*nodes, EdgeAdded(edge, Cause.BUILD)])
+    return TopologicalGraph([node_added(1), node_added(2), edge_added(1, 2, p=p, protected=protected)])
 
 
 def attempt(graph: TopologicalGraph, method: Method, *, succeeded: bool, failed_before: bool = False) -> list[str]:

@@ -9,38 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ltvn_core.config import PAPER, ROBUST
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    NodeDropped,
-    PoseRow,
-)
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, GraphDelta, NodeDropped
 from ltvn_core.graph.planner import NO_PATH, Planner, edge_cost
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-
-HERE = PoseRow(0.0, 0.0, 0.0)
-
-
-def edge(source: int, target: int, mu: float = 1.0, p: float = 0.9) -> GraphDelta:
-    return EdgeAdded(Edge(source, target, HERE, Belief(p, mu, 0.02)), Cause.BUILD)
-
-
-def nodes(*frames: int) -> list[GraphDelta]:
-    return [NodeAdded(Node(frame, HERE), Cause.BUILD) for frame in frames]
+from tests.core.graph.small_maps import edge_added, node_added
 
 
 @st.composite
 def small_maps(draw: st.DrawFn) -> TopologicalGraph:
     pairs = draw(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)).filter(lambda pair: pair[0] != pair[1])))
-    edges = [edge(a, b, draw(st.floats(0.01, 3)), draw(st.floats(0.05, 0.95))) for a, b in sorted(pairs)]
-    return TopologicalGraph([*nodes(*range(6)), *edges])
+    edges = [edge_added(a, b, draw(st.floats(0.01, 3)), draw(st.floats(0.05, 0.95))) for a, b in sorted(pairs)]
+    return TopologicalGraph([*map(node_added, range(6)), *edges])
 
 
 def brute_force(graph: TopologicalGraph, start: int, goal: int, penalties: dict[EdgeKey, float]) -> float:
@@ -70,7 +49,8 @@ def test_the_plan_is_the_cheapest_of_all_paths(graph: TopologicalGraph, start: i
 
 def diamond() -> TopologicalGraph:
     """0 -> 1 -> 3 is short, 0 -> 2 -> 3 is long."""
-    return TopologicalGraph([*nodes(0, 1, 2, 3), edge(0, 1), edge(1, 3), edge(0, 2, 2.0), edge(2, 3, 2.0)])
+    edges = edge_added(0, 1), edge_added(1, 3), edge_added(0, 2, 2.0), edge_added(2, 3, 2.0)
+    return TopologicalGraph([*map(node_added, range(4)), *edges])
 
 
 def test_the_literal_method_counts_length_alone_and_the_robust_one_doubts() -> None:
@@ -102,7 +82,7 @@ def test_hard_negatives_have_no_path() -> None:
 
 @pytest.mark.parametrize("follows", [True, False], ids=["told of every delta", "told of nothing"])
 def test_the_mirror_never_goes_stale(follows: bool) -> None:
-    graph, rng = TopologicalGraph(nodes(*range(12))), np.random.default_rng(3)
+    graph, rng = TopologicalGraph(map(node_added, range(12))), np.random.default_rng(3)
     planner = Planner(graph, ROBUST.planning)
     for _ in range(120):
         a, b = (int(one) for one in rng.choice(12, 2, replace=False))
@@ -119,11 +99,11 @@ def test_the_mirror_never_goes_stale(follows: bool) -> None:
 
 def _change(graph: TopologicalGraph, a: int, b: int, rng: np.random.Generator) -> GraphDelta | None:
     if a not in graph.nodes:
-        return nodes(a)[0]
+        return node_added(a)
     if b not in graph.nodes:
         return None
     if (a, b) not in graph.edges:
-        return edge(a, b, float(rng.random()))
+        return edge_added(a, b, float(rng.random()))
     match rng.integers(4):
         case 0:
             return EdgePruned(a, b, Cause.HAND)

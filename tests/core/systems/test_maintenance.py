@@ -7,7 +7,7 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.worlds.world_truth import KnownPresence
-from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import BeliefUpdated
 from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
 from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.graph.operators import AttemptEvidence
@@ -17,6 +17,7 @@ from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.maintenance import recorded_filter, with_maintenance
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 from ltvn_core.systems.registry import own_systems
+from tests.core.graph.small_maps import edge_added, node_added
 
 
 def test_every_system_can_have_every_maintenance() -> None:
@@ -66,9 +67,8 @@ def test_what_cannot_be_is_refused_with_what_can() -> None:
 
 
 def test_between_rooms_one_drive_tells_of_all_edges_that_lead_the_same_way() -> None:
-    graph = TopologicalGraph([NodeAdded(Node(node, PoseRow(0.0, 0.0, 0.0)), Cause.BUILD) for node in range(5)])
-    for ends in ((0, 1), (1, 2), (0, 3), (2, 0), (3, 4)):
-        graph.apply(EdgeAdded(Edge(*ends, PoseRow(1.0, 0.0, 0.0), Belief(0.9, 1.0, 0.1)), Cause.BUILD))
+    ends = ((0, 1), (1, 2), (0, 3), (2, 0), (3, 4))
+    graph = TopologicalGraph([*map(node_added, range(5)), *(edge_added(*each) for each in ends)])
     rooms = {0: 1, 1: 1, 2: 2, 3: 2, 4: None}
     maintenance = with_maintenance(ltvn_system(ROBUST), "brm-rooms", room_of=rooms.get).maintenance
 

@@ -8,18 +8,9 @@ from rerun.chunk import RrdReader
 from ltvn_core import palette
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.writer import RecordingWriter
-from ltvn_core.graph.deltas import (
-    Belief,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    Node,
-    NodeAdded,
-    PoseRow,
-    PresenceObserved,
-)
+from ltvn_core.graph.deltas import Cause, EdgePruned, PresenceObserved
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from tests.core.graph.small_maps import edge_added, node_added
 
 ENDS = f"{schema.EDGE_ROW}:source", f"{schema.EDGE_ROW}:target"
 COLUMNS = (*ENDS, "LineStrips3D:strips", "LineStrips3D:colors")
@@ -33,14 +24,7 @@ def looked(source: int, target: int, *, present: bool, stamp: float) -> Presence
 
 def recorded(path: Path, *changes: PresenceObserved | EdgePruned) -> list[dict[str, Any]]:
     """Return what is drawn of closed edges of a map with two edges, after each change of them."""
-    belief = Belief(0.9, 1.0, 0.1)
-    graph = TopologicalGraph(
-        [
-            *(NodeAdded(Node(number, PoseRow(float(number), 0.0, 0.0)), Cause.BUILD) for number in (0, 1)),
-            EdgeAdded(Edge(0, 1, PoseRow(1.0, 0.0, 0.0), belief), Cause.BUILD),
-            EdgeAdded(Edge(1, 0, PoseRow(-1.0, 0.0, 0.0), belief), Cause.BUILD),
-        ]
-    )
+    graph = TopologicalGraph([node_added(0), node_added(1, 1.0), edge_added(0, 1), edge_added(1, 0, -1.0)])
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
         writer.draw_graph(graph, 0, 0.0)
         for number, change in enumerate(changes, 1):

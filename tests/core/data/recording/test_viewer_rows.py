@@ -20,18 +20,7 @@ from ltvn_core.data.recording.rrf2.file_check import check_file
 from ltvn_core.data.recording.schema import read_cell
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    PoseRow,
-)
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, GraphDelta, PoseRow
 from ltvn_core.navigation.events import (
     AttemptStarted,
     Event,
@@ -43,6 +32,7 @@ from ltvn_core.navigation.events import (
 )
 from ltvn_core.simulation.scene_registry import load_scene
 from tests.core.data.recording import example_recording
+from tests.core.graph.small_maps import edge_added, node_added
 
 EDGES = 100
 
@@ -75,11 +65,8 @@ def chain(length: int) -> list[GraphDelta]:
     """Return the deltas of a map whose nodes 0, 1, 2 ... follow each other."""
     nodes = range(length + 1)
     return [
-        *(NodeAdded(Node(k, PoseRow(float(k), 0.0, 0.0)), Cause.BUILD) for k in nodes),
-        *(
-            EdgeAdded(Edge(a, b, PoseRow(1.0, 0.0, 0.0), Belief(0.5, 1.0, 0.04)), Cause.BUILD)
-            for a, b in pairwise(nodes)
-        ),
+        *(node_added(k, float(k)) for k in nodes),
+        *(edge_added(a, b, p=0.5, sigma2=0.04) for a, b in pairwise(nodes)),
     ]
 
 
@@ -106,7 +93,7 @@ def test_an_edge_of_a_plan_has_a_curve_before_it_is_driven_and_one_that_nobody_d
 
 def test_an_edge_that_comes_back_after_pruning_goes_on_with_its_curve(tmp_path: Path) -> None:
     path = tmp_path / "back.rrd"
-    back = EdgeAdded(Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(0.7, 1.0, 0.04)), Cause.EXPAND)
+    back = edge_added(0, 1, p=0.7, sigma2=0.04, cause=Cause.EXPAND)
     write(path, [GraphChanged(delta) for delta in (*chain(1), EdgePruned(0, 1, Cause.ATTEMPT), back)])
     assert [row[0] for _, row in rows(path, "/beliefs/p/0_1", "Scalars:scalars", "step")] == [0.5, 0.0, 0.7]
 

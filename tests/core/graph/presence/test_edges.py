@@ -1,24 +1,12 @@
 """What closes edges and opens them, and which way is taken then."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.graph.deltas import (
-    Belief,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    GraphDelta,
-    Node,
-    NodeAdded,
-    PoseRow,
-    PresenceObserved,
-)
+from ltvn_core.graph.deltas import Cause, EdgePruned, PresenceObserved
 from ltvn_core.graph.ltvn import PresenceMaintenance
 from ltvn_core.graph.operators import AttemptEvidence
 from ltvn_core.graph.planner import Planner
@@ -26,6 +14,7 @@ from ltvn_core.graph.presence.edge_presence import FilteredPresence, plan_by_pre
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.presence.presence_filter import PERSISTENT
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from tests.core.graph.small_maps import edge_added, node_added
 
 NOTHING = np.empty((0, 2))
 MAINTENANCE = PresenceMaintenance(ROBUST)
@@ -33,16 +22,9 @@ MAINTENANCE = PresenceMaintenance(ROBUST)
 
 def row(count: int = 6, *, drift_m: float = 0.0) -> TopologicalGraph:
     """Return nodes in a row, 0.6 m apart, joined both ways; odometry of the n-th is wrong by n times the drift."""
-    history: list[GraphDelta] = []
-    for k in range(count):
-        history.append(NodeAdded(Node(k, PoseRow(0.6 * k + drift_m * k, 0.0, 0.0)), Cause.BUILD))
-        if k:
-            history += [EdgeAdded(edge(k - 1, k, 0.6), Cause.BUILD), EdgeAdded(edge(k, k - 1, -0.6), Cause.BUILD)]
-    return TopologicalGraph(history)
-
-
-def edge(source: int, target: int, x: float, *, p: float = 0.9) -> Edge:
-    return Edge(source, target, PoseRow(x, 0.0, 0.0), Belief(p, abs(x), 0.02))
+    nodes = [node_added(k, 0.6 * k + drift_m * k) for k in range(count)]
+    edges = [each for k in range(1, count) for each in (edge_added(k - 1, k, 0.6), edge_added(k, k - 1, -0.6))]
+    return TopologicalGraph([*nodes, *edges])
 
 
 def door(x: float, low: float, high: float) -> np.ndarray:
@@ -158,8 +140,8 @@ def failures(graph: TopologicalGraph, key: EdgeKey, count: int = 12) -> bool:
 
 def test_only_what_was_never_driven_leaves_for_ever() -> None:
     graph = row()
-    graph.apply(EdgeAdded(edge(0, 5, 0.5), Cause.BUILD))
-    graph.apply(EdgeAdded(replace(edge(0, 4, 0.5), attempts=1, successes=1), Cause.BUILD))
+    graph.apply(edge_added(0, 5, 0.5))
+    graph.apply(edge_added(0, 4, 0.5, attempts=1, successes=1))
     assert failures(graph, (0, 5))
     assert not failures(graph, (0, 4)), "It was driven once."
     assert not failures(graph, (2, 3)), "It joins two images that followed each other."
@@ -167,9 +149,9 @@ def test_only_what_was_never_driven_leaves_for_ever() -> None:
 
 def two_ways() -> tuple[TopologicalGraph, Planner]:
     """Return a short way 0-1-2 and a long one 0-3-4-2, which can be joined from 1 as well."""
-    graph = TopologicalGraph([NodeAdded(Node(k, PoseRow(0.0, 0.0, 0.0)), Cause.BUILD) for k in range(5)])
+    graph = TopologicalGraph(map(node_added, range(5)))
     for source, target, length in ((0, 1, 1), (1, 2, 1), (0, 3, 3), (3, 4, 3), (4, 2, 3), (1, 0, 1)):
-        graph.apply(EdgeAdded(edge(source, target, length), Cause.BUILD))
+        graph.apply(edge_added(source, target, length))
     return graph, Planner(graph, ROBUST.planning)
 
 

@@ -90,7 +90,7 @@ def _lost_look(
     predictor: NetworkPredictor, graph: TopologicalGraph, matcher: Matcher, looks: Sequence[Observation]
 ) -> Callable[[], None]:
     """Return what a robot does that does not know where it is: encode an image, search the map, follow the places."""
-    belief = PlaceBelief(graph)
+    belief = PlaceBelief(graph, matcher)
     endless = cycle(looks)
 
     def look() -> None:

@@ -6,7 +6,7 @@ all directions decide. The belief alone is no arrival, because it also follows a
 lost or has no path turns round as well, offers images that it does not recognise to the map, and finally gives up.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,10 @@ from ltvn_core.config import JudgingConfig
 from ltvn_core.geometry import distance, relative, wrap_angle
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation import events as e
+from ltvn_core.navigation.disambiguation import tell_apart
 from ltvn_core.navigation.perception import EventGenerator, QueryAborted
-from ltvn_core.navigation.query import SURVEYED_M, QueryState, Survey
-from ltvn_core.types import NodeId, Pose, Waypoint
+from ltvn_core.navigation.query import QueryState, Survey
+from ltvn_core.types import Waypoint
 
 TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 """Angle of the turn on the spot between two observations, and number of observations in a full turn."""
@@ -68,7 +69,7 @@ _BESIDE_M, _BESIDE_RAD = (0.5, 1.5), 0.4
 """Distances from the goal of images that should not show it as reached, in m, and their largest turn from it."""
 _ONWARD_M = 1.0
 """Distance to drive on after a turn that did not show the goal's place, in metres."""
-_MOST_SURVEYS = 4
+_MOST_SURVEYS = 8
 """Number of turns at places that seem to be the goal after which the query is given up."""
 
 
@@ -90,8 +91,9 @@ def check_goal(query: QueryState) -> EventGenerator[Arrival | None]:
         return None
     if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
         return None
-    p = query.places.probability_at(query.motion.odometry, query.goal, seen.waypoint)
-    if p is None or (p > SURE and _looks_different_from_beside(query)):
+    belief = query.places.belief()
+    p = 1.0 if belief is None else belief.probability_at(query.motion.odometry, query.goal, seen.waypoint)
+    if belief is None or (p > SURE and _looks_different_from_beside(query)):
         return Arrival(e.BY_IMAGE, seen.reachability, seen.distance)
     if p <= LIKELY:
         text = "The place looks like the goal, but the images of the whole query do not say so."
@@ -111,7 +113,9 @@ def check_place(query: QueryState) -> EventGenerator[Arrival | None]:
         return Arrival(e.BY_WAYPOINT, seen.reachability, seen.distance)
     yield from _survey(query)
     if query.is_surveyed and not query.nodes_around(SURE):
-        yield from _move_on(query)
+        if not (yield from tell_apart(query, SURE)):
+            yield from query.driver.wander(_ONWARD_M)
+        query.survey = None
         return None
     known = query.surveyed_waypoint(query.goal)
     if known is None or np.hypot(known[0], known[1]) > AT_TARGET_M or abs(wrap_angle(known[2])) > _AT_TARGET_RAD:
@@ -140,42 +144,13 @@ def _survey(query: QueryState) -> EventGenerator[None]:
             if place is not None and place.expects_image:
                 expected += 1
                 agreed += place.is_recognised
-    is_confirmed = agreed > 0 and 2 * agreed >= expected
+    is_confirmed = agreed > 0 and 3 * agreed >= expected
     query.survey = Survey(query.motion.odometry, is_confirmed)
     if not is_confirmed:
         text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot localises anew."
         yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
         yield from query.driver.wander(_ONWARD_M)
         query.begin_anew()
-
-
-def _move_on(query: QueryState) -> EventGenerator[None]:
-    """Drive to another node of the likeliest place, because a turn here left open which of several places it is."""
-    around = query.nodes_around(0.0)
-    path = _way_on(query, around)
-    yield e.Note(f"The images around fit several places; the robot moves on by {len(path)} nodes.", rule=e.BY_PLACE)
-    steps_before = query.motion.steps
-    for node in path:
-        if (waypoint := query.known_waypoint(node, 0.0)) is None:
-            break
-        result = yield from query.driver.drive(node, waypoint, is_known=True, around=query.nodes_around(0.0))
-        if result.end is not e.AttemptEnd.REACHED:
-            break
-    if query.motion.steps == steps_before:
-        yield from query.driver.wander(_ONWARD_M)
-    query.survey = None
-
-
-def _way_on(query: QueryState, around: Mapping[NodeId, Pose]) -> tuple[NodeId, ...]:
-    """Return the way to the nearest of the nodes around (3,) that lies where the robot did not move on to before."""
-    tried = np.array([np.zeros(3), *(around[node] for node in query.moved_on_to if node in around)])
-    for node, pose in around.items():
-        if np.hypot(*(pose - tried)[:, :2].T).min() > SURVEYED_M:
-            path = query.context.planner.plan(next(iter(around)), node, query.penalties).nodes
-            if path and all(each in around for each in path):
-                query.moved_on_to.add(node)
-                return path[1:]
-    return ()
 
 
 def _looks_different_from_beside(query: QueryState) -> bool:

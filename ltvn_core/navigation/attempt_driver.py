@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, transform_points
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import agree, compose, invert, relative, wrap_angle
-from ltvn_core.graph.place_belief import SAME_POSE
+from ltvn_core.graph.node_layout import SAME_POSE
 from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.navigation import steering
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders

@@ -159,7 +159,7 @@ class PlaceTracker:
         """Start without a place."""
         self._matcher = matcher
         self._config = system.method.localising
-        self._belief = PlaceBelief(graph) if system.follows_places else None
+        self._belief = PlaceBelief(graph, matcher) if system.follows_places else None
         self._last: Pose | None = None
         self._waiting: deque[tuple[Pose, Features]] = deque(maxlen=_MAX_OBSERVATIONS)
 
@@ -184,17 +184,11 @@ class PlaceTracker:
 
     def place(self, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
         """Return the most probable place of a robot at an odometry pose (3,); None if unknown."""
-        belief = self._updated()
+        belief = self.belief()
         return None if belief is None else belief.best(odometry, doubted)
 
-    def probability_at(self, odometry: Pose, node: NodeId, waypoint: Waypoint) -> float | None:
-        """Return the probability that a node is at a waypoint (3,) from a robot at an odometry pose (3,); None if the
-        system localises by single images."""
-        belief = self._updated()
-        return None if belief is None else belief.probability_at(odometry, node, waypoint)
-
-    def _updated(self) -> PlaceBelief | None:
-        """Return the belief after all observations so far."""
+    def belief(self) -> PlaceBelief | None:
+        """Return the belief after all observations so far; None if the system localises by single images."""
         belief = self._belief
         while self._waiting:
             odometry, features = self._waiting.popleft()

@@ -111,8 +111,6 @@ class QueryState:
     """Starts without a path, from where the map was extended."""
     surveys: int = 0
     """Number of turns on the spot to see whether the goal is here."""
-    moved_on_to: set[NodeId] = field(default_factory=set)
-    """Nodes to which the robot moved on after such a turn, because it could be at several places."""
 
     # Set by recovery.
     consecutive_failures: int = 0
@@ -139,6 +137,8 @@ class QueryState:
     places: PlaceTracker = field(init=False)
     departure: Departure | None = field(init=False)
     survey: Survey | None = field(init=False)
+    looked_from: list[Pose] = field(init=False)
+    """Poses (3,) in the odometry frame from where the robot looked to tell places apart."""
 
     def __post_init__(self) -> None:
         """Start with a robot that knows nothing about its place."""
@@ -151,6 +151,7 @@ class QueryState:
         )
         self.places = self.perception.places = PlaceTracker(context.graph, context.matcher, context.system)
         self.departure = self.survey = None
+        self.looked_from = []
 
     @property
     def method(self) -> Method:
@@ -228,6 +229,7 @@ class QueryState:
         """
         self.places.forget()
         self.survey = None
+        self.looked_from.clear()
         self.first_looks = 0
         self.began_at_m = self.motion.path_m
         self.doubted.clear()

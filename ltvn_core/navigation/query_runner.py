@@ -13,8 +13,9 @@ import numpy as np
 
 from ltvn_core.geometry import agree, compose
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
+from ltvn_core.graph.node_layout import SAME_POSE
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.place_belief import LIKELY, SAME_POSE, SURE
+from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.graph.planner import GraphPath, with_blind_costs
 from ltvn_core.graph.presence.edge_presence import OPEN_ABOVE, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -31,6 +32,7 @@ from ltvn_core.navigation.arrival import (
     turn_to_see,
 )
 from ltvn_core.navigation.attempt_driver import AttemptResult
+from ltvn_core.navigation.disambiguation import is_ambiguous, tell_apart
 from ltvn_core.navigation.learning import (
     AttemptVerdict,
     departure,
@@ -74,6 +76,8 @@ def run(query: QueryState) -> EventGenerator[Arrival]:
         query.consecutive_failures = 0
         if _looks_first(query):
             yield from query.driver.turn(TURN_RAD)
+            continue
+        if is_ambiguous(query) and (yield from tell_apart(query, LIKELY)):
             continue
         driven = _until_action(query, path)
         if len(driven.nodes) == 1 < len(path.nodes) and _stands_at_node(query, localisation):

@@ -7,12 +7,11 @@ import numpy as np
 from ltvn_core.analysis.floors import number_floors
 from ltvn_core.analysis.map_findings import contradicted_edges, map_gap
 from ltvn_core.data.recording.map_file import load_map
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
-from ltvn_core.graph.place_belief import lay_out
+from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned, PoseRow
+from ltvn_core.graph.node_layout import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from tests.core.graph.small_maps import edge_added, node_added
 from tests.repository import DEMO_MAP
-
-HERE = PoseRow(0.0, 0.0, 0.0)
 
 
 def floors(graph: TopologicalGraph) -> list[set[int]]:
@@ -23,11 +22,8 @@ def floors(graph: TopologicalGraph) -> list[set[int]]:
 
 
 def house(*edges: tuple[int, int] | tuple[int, int, str], nodes: int) -> TopologicalGraph:
-    graph = TopologicalGraph(NodeAdded(Node(k, HERE), Cause.BUILD) for k in range(nodes))
-    for source, target, *action in edges:
-        edge = Edge(source, target, HERE, Belief(0.9, 1.0, 0.02), action="".join(action))
-        graph.apply(EdgeAdded(edge, Cause.BUILD))
-    return graph
+    joined = (edge_added(source, target, action="".join(action)) for source, target, *action in edges)
+    return TopologicalGraph([*map(node_added, range(nodes)), *joined])
 
 
 def test_actions_alone_separate_floors() -> None:

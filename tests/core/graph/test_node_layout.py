@@ -5,8 +5,8 @@ import pytest
 
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
+from ltvn_core.graph.node_layout import lay_out
 from ltvn_core.graph.operators import node_from_observation, pose_row
-from ltvn_core.graph.place_belief import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Pose
 from tests.core.flat_world import observation_at

@@ -81,8 +81,9 @@ def test_the_robot_passes_the_perceptual_alias_of_its_goal() -> None:
 
 
 def test_a_robot_that_could_be_at_its_goal_or_at_its_alias_drives_on_to_find_out() -> None:
-    query, _ = drive(ROBUST, 4.0, 4.0)
-    assert (query.outcome, query.reached) == (Outcome.ARRIVED, True)
+    for start_x, goal_x in ((4.0, 4.0), (11.0, 4.0), (4.0, 11.0)):
+        query, _ = drive(ROBUST, start_x, goal_x)
+        assert (query.outcome, query.reached) == (Outcome.ARRIVED, True)
 
 
 def test_a_robot_that_arrived_still_knows_where_it_is_at_the_next_goal() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.robot_report import RobotReport, TopicReport, TurnReport, fit_floor, robot_findings
-from ltvn_core.robots.ros2.ros_robot import RosRobot
+from ltvn_core.robots.ros2.ros_robot import STALE_S, RosRobot
 from ltvn_core.types import Twist
 
 LEAST_HZ = 5.0
@@ -24,6 +24,9 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
     """Watch a robot, and with `drives` turn it on the spot for at most 3 s. Raises RobotError."""
     topics, age_s = _watch(robot, seconds)
     camera = robot.spec.camera
+    ends_s = time.monotonic() + _PATIENCE_S
+    while robot.age_s > STALE_S and time.monotonic() < ends_s:
+        time.sleep(0.02)  # A busy machine may have held up the last image.
     depth = robot.observe().require_depth("the check of a robot")
     taken = robot.has_listener
     report = RobotReport(

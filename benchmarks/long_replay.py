@@ -49,4 +49,4 @@ def open_and_travel() -> list[Measurement]:
 def _opened(events: list[StampedEvent]) -> Playback:
     driven = events[len(events) - EVENTS :]
     frames = [(stamped.step, stamped.stamp, np.zeros(3)) for stamped in driven]
-    return Playback("long", "nowhere", Timeline.of(events, frames), _no_observation)
+    return Playback("long", "nowhere", Timeline.of(events, frames), _no_observation, config={})

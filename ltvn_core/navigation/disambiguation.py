@@ -26,7 +26,7 @@ _EFFORT_M = 5.0
 
 
 def is_ambiguous(query: QueryState) -> bool:
-    """Tell whether the robot is rather not at its likeliest place, and at a look-alike more probably than there."""
+    """Tell whether the robot is probably not at the likeliest place, and more probably at one that looks like it."""
     p, belief = query.place_p(), query.places.belief()
     return p is not None and belief is not None and p <= LIKELY and belief.look_alike_p() > p
 

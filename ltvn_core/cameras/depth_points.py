@@ -30,12 +30,6 @@ def points_within(depth: Depth, camera: CameraModel, range_m: float, every: int 
     return camera.unproject(np.stack([columns, rows], axis=-1) * every, sparse[rows, columns])
 
 
-def depths_within(depth: Depth, range_m: float) -> Depth:
-    """Return the depths (M,) of the points of `points_within`, in the same order."""
-    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-    return sparse[(sparse > 0) & (sparse < range_m)]
-
-
 def are_solid(points: NDArray[np.float64], height_m: float) -> NDArray[np.bool_]:
     """Return which points (M, 3) are at the height of obstacles for a robot of `height_m`."""
     return (points[:, 2] > _FLOOR_M) & (points[:, 2] < height_m)

@@ -44,6 +44,10 @@ class DepthScan(NamedTuple):
     if unknown."""
     shown_m: NDArray[np.float64]
     """Ranges (B,) in metres up to which the image shows each bearing free, at most `ranges_m`; 0 if unknown."""
+    lens_m: float
+    """Height of the camera in metres."""
+    lowest: NDArray[np.float64]
+    """Slopes (B,) from the camera to the lowest point at each bearing, in metres a metre; NaN if unknown."""
 
     @classmethod
     def of(
@@ -57,13 +61,15 @@ class DepthScan(NamedTuple):
         half_rad = camera.horizontal_fov_rad / 2
         step_rad = max(_BEARING_STEP_RAD, 1 / camera.fx)
         count = int(2 * half_rad / step_rad) + 1
-        scan = cls(stamp, pose, half_rad, step_rad, np.zeros(count), np.zeros(count))
+        unknown = np.full(count, np.nan)
+        scan = cls(stamp, pose, half_rad, step_rad, np.zeros(count), np.zeros(count), camera.height_m, unknown)
         seen = seen[(seen[:, 2] < height_m) & (seen[:, 2] > -_BELOW_M)]
         place = np.clip(scan.bins(np.arctan2(seen[:, 1], seen[:, 0])), 0, count - 1)
         away_m = np.hypot(seen[:, 0], seen[:, 1])
         solid = are_solid(seen, height_m)
         scan.ranges_m[place] = RANGE_M
         np.minimum.at(scan.ranges_m, place[solid], away_m[solid])
+        np.fmin.at(scan.lowest, place, (seen[:, 2] - camera.height_m) / np.maximum(away_m, 1e-6))
         whole = _without_hole(place, (seen[:, 2] - camera.height_m) / np.maximum(seen[:, 0], 1e-6))
         np.maximum.at(scan.shown_m, place[whole], away_m[whole])
         np.minimum(scan.shown_m, scan.ranges_m, out=scan.shown_m)
@@ -102,6 +108,11 @@ class DepthScan(NamedTuple):
     def shows_past(self, bearing: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return whether (...) bearings (...) are shown free beyond distances (...), see `reach_past`."""
         return reach_past(self.shown_m[self._around(bearing)], away_m)
+
+    def seen_above(self, bearing: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the heights (...) above which the image shows what is at bearings (...) and distances (...), because a
+        camera sees over a low box right in front of the robot; NaN if unknown."""
+        return self.lens_m + np.fmax.reduce(self.lowest[self._around(bearing)]) * away_m
 
     def _around(self, bearing: NDArray[np.float64]) -> NDArray[np.intp]:
         place = np.clip(self.bins(bearing), 1, len(self.ranges_m) - 2)

@@ -154,11 +154,13 @@ class MovingObstacles:
         self._scans: deque[DepthScan] = deque(maxlen=24)
 
     def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return (M,) which solid points (M, 2) of an image, in the odometry frame, have moved; remember the image.
+        """Return (M,) which solid points (M, 3) of an image have moved, and remember the image.
 
-        If the moving points are not as wide as a person, only those that are `nearby` (M,) can be a person.
+        A point is its position in the odometry frame and its height. If the moving points are not as wide as a person,
+        only those that are `nearby` (M,) can be a person.
         """
         moved = self._moved(scan.stamp, things)
+        things = things[:, :2]
         bearings = scan.bins(scan.polar(things[moved])[1])
         is_wide = len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
         placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M if is_wide else nearby
@@ -181,9 +183,10 @@ class MovingObstacles:
 
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which points (M,) an earlier image showed as free floor, and which as an obstacle."""
-    away_m, bearing = scan.polar(points)
+    """Return which points (M, 3) an earlier image showed to be free (M,), and which as an obstacle (M,)."""
+    away_m, bearing = scan.polar(points[:, :2])
     inside = scan.inside(bearing)
     beside = scan.beside(bearing)
     free = inside & scan.shows_past(bearing, away_m + FREE_BEYOND_M)
+    free &= points[:, 2] > scan.seen_above(bearing, away_m)
     return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)

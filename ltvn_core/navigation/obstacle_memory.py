@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, are_solid, depths_within, points_within, transform_points
+from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, are_solid, points_within, transform_points
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, MOVING_POINTS, Bystanders, MovingObstacles
@@ -94,32 +94,33 @@ _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 
 
 def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the nearest surface at each bearing, (K, 2) averages of solid points (M, 2) in the odometry frame.
+    """Return the nearest surface at each bearing, (K, 3) averages of solid points (M, 3).
 
     The nearest of thousands of noisy points lies centimetres before its wall, and a narrow way would look closed.
     """
     if not len(points):
         return points
-    away_m, bearing = scan.polar(points)
+    away_m, bearing = scan.polar(points[:, :2])
     bins, bin_of, count = np.unique(scan.bins(bearing), return_inverse=True, return_counts=True)
     order = np.lexsort((away_m, bin_of))
     third = np.cumsum(count) - count + np.minimum(count - 1, MAX_NOISE_POINTS)
     surface_m = away_m[order][third]
     near = np.abs(away_m - surface_m[bin_of]) < _SURFACE_M
-    sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in (0, 1)]
+    sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in range(3)]
     return np.stack(sums, axis=-1) / np.bincount(bin_of[near], minlength=len(bins))[:, None]
 
 
 def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which earlier points (M, 2) an image replaces: it shows a surface behind them, or their own surface again.
+    """Return which earlier points (M, 3) an image replaces: it shows a surface behind them, or their own surface again.
 
-    In the first case the obstacle is gone, or was never there.
+    In the first case the obstacle is gone, or was never there, unless the image sees over it.
     """
-    away_m, bearing = scan.polar(points)
+    away_m, bearing = scan.polar(points[:, :2])
     beside_m = scan.beside(bearing)
     beyond_m = away_m - beside_m
     is_again = ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)
-    return scan.inside(bearing) & (is_again | scan.shows_past(bearing, away_m + FREE_BEYOND_M))
+    is_visible = points[:, 2] > scan.seen_above(bearing, away_m)
+    return scan.inside(bearing) & (is_again | (is_visible & scan.shows_past(bearing, away_m + FREE_BEYOND_M)))
 
 
 class _Collision(NamedTuple):
@@ -175,10 +176,10 @@ class ObstacleMemory:
         self._forget_replaced(scan)
         moves = np.zeros(len(things), bool) if self._movement is None else self._movement.moving(scan, things, nearby)
         points = things[nearby & ~moves]
-        self._moving = things[nearby & moves]
+        self._moving = things[nearby & moves, :2]
         # People are remembered separately, because their points would stay after they have left.
         for place in self.bystanders.near(observation.stamp):
-            points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
+            points = points[np.hypot(*(points[:, :2] - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(_surfaces(scan, points))
 
     def _forget_replaced(self, scan: DepthScan) -> None:
@@ -192,14 +193,16 @@ class ObstacleMemory:
             self._seen[k] = points[start:end][kept[start:end]]
 
     def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the scan of an image, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""
+        """Return the scan of an image, its solid points (M, 3), and which are nearby (M,).
+
+        A point is its position in the odometry frame and its height.
+        """
         depth = observation.require_depth("obstacle avoidance")
         seen = points_within(depth, self._camera, RANGE_M)
-        depths_m = depths_within(depth, RANGE_M)
         solid = are_solid(seen, self._height_m)
         scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, self._height_m)
-        things = transform_points(seen[solid, :2], observation.odometry)
-        return scan, things, depths_m[solid] < RELEVANT_RANGE_M
+        places = transform_points(seen[solid, :2], observation.odometry)
+        return scan, np.column_stack([places, seen[solid, 2]]), seen[solid, 0] < RELEVANT_RANGE_M
 
     def moves_ahead(self, odometry: Pose) -> bool:
         """Tell whether something moves close ahead of a robot at `odometry` (3,)."""
@@ -241,7 +244,7 @@ class ObstacleMemory:
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         people = [place + _RING for place in self.bystanders.near(self._last_stamp)] if keeping_from_people else []
         moving = [self._moving, *(self._moving + side for side in _SIDES_M)]  # They may be beside their places next.
-        known = [*self._seen, *collision_points, *moving, *people]
+        known = [*(points[:, :2] for points in self._seen), *collision_points, *moving, *people]
         points = (np.concatenate(known) - odometry[:2]) @ rotation(float(odometry[2]))
         ahead, left = np.abs(points).T
         return points[(ahead < RELEVANT_RANGE_M) & (left < RELEVANT_RANGE_M)]

@@ -7,10 +7,11 @@ import pytest
 
 from ltvn_core.cameras.depth_points import map_points, obstacle_points
 from ltvn_core.config import ROBUST
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.steering import collision_free_command
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Twist
+from ltvn_core.types import Observation, Twist
 from tests.core.flat_world import observation_at
 
 LENS = LOCOBOT.camera
@@ -109,6 +110,35 @@ def test_walls_in_many_noisy_depth_images_stay_where_they_are(seed: int) -> None
         obstacles.add(replace(observation_at(np.array([0.1 * k, 0.0, 0.0]), k), depth=depth.astype(np.float32)))
     aside = np.sort(np.abs(obstacles.nearby_points(np.array([1.1, 0.0, 0.0]))[:, 1]))
     assert aside[2] > 0.22 - 0.012, "avoidance takes the third nearest point for the wall"
+
+
+def seen_from(x_m: float, step: int, box_m: float = 0.6) -> Observation:
+    """Return an image of a box, lower than the camera, before a wall, taken at x and `step` seconds."""
+    depth = scene((3.0 - x_m, 5.0, -5.0, 3.0), (box_m - x_m, 0.3, -0.3, 0.35))
+    return replace(observation_at(np.array([x_m, 0.0, 0.0]), step), depth=depth, stamp=float(step))
+
+
+def test_a_low_box_is_remembered_when_the_camera_sees_over_it() -> None:
+    obstacles = ObstacleMemory(LOCOBOT)
+    obstacles.add(seen_from(0.0, 1))
+    obstacles.add(seen_from(0.32, 2))
+    points = obstacles.nearby_points(np.array([0.32, 0.0, 0.0]))
+    assert (np.abs(points - (0.28, 0.0)) < (0.03, 0.1)).all(axis=1).sum() > 8
+
+    obstacles.add(seen_from(0.0, 3, box_m=2.9))
+    assert (obstacles.nearby_points(np.zeros(3))[:, 0] > 1.0).all(), "it was carried away"
+
+
+def test_a_low_box_has_not_moved_when_a_robot_that_saw_over_it_sees_it() -> None:
+    bystanders = Bystanders()
+    obstacles = ObstacleMemory(LOCOBOT, bystanders=bystanders)
+    obstacles.add(seen_from(0.32, 1))
+    obstacles.add(seen_from(0.0, 2))
+    assert not obstacles.moves_ahead(np.zeros(3))
+    assert not bystanders.are_about(2.0)
+
+    obstacles.add(seen_from(0.0, 3, box_m=0.95))
+    assert bystanders.are_about(3.0), "it was pushed to where the floor was seen"
 
 
 def test_a_leg_before_a_wall_is_kept_and_two_stray_pixels_are_not() -> None:

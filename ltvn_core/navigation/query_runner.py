@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ltvn_core.geometry import agree, compose
+from ltvn_core.geometry import agree, compose, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.node_layout import SAME_POSE
 from ltvn_core.graph.operators import pose_row
@@ -47,6 +47,8 @@ from ltvn_core.types import NodeId
 
 _AT_NODE_DISTANCE = 0.3
 """Greatest d at which a node is not approached before its successor."""
+_TRUST_IN_IMAGE = 0.5
+"""Share of the way from the waypoint by the place belief to the one that the image shows."""
 _AT_START_M = 0.1
 """Driven distance up to which the robot is where it began to localise, in metres."""
 _LEAST_P = 1e-3
@@ -258,7 +260,10 @@ def _departure(query: QueryState, localisation: Localisation, segment: tuple[Nod
         return node_match
     known = query.known_waypoint(target, LIKELY)
     looks_reachable = node_match.reachability >= driving.departure_reachability
-    if known is not None and not (looks_reachable and agree(known, node_match.waypoint, SAME_POSE)):
+    if known is not None and looks_reachable and agree(known, node_match.waypoint, SAME_POSE):
+        # Along a bare wall, an image tells less of the distance than odometry since the images before.
+        known = compose(known, _TRUST_IN_IMAGE * relative(known, node_match.waypoint))
+    if known is not None:
         return node_match.with_waypoint(known)
     if looks_reachable or source is None:
         return node_match

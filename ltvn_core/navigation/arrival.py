@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ltvn_core.config import JudgingConfig
-from ltvn_core.geometry import distance, relative, wrap_angle
+from ltvn_core.geometry import agree, distance, relative, wrap_angle
 from ltvn_core.graph.place_belief import LIKELY, SURE
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.disambiguation import tell_apart
@@ -34,14 +34,16 @@ def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
     if query.consecutive_failures == 0 or why is e.Outcome.NO_PATH:
         query.give_up_outcome = why
     query.consecutive_failures += 1
+    query.first_looks += 1
     query.plan = ()
     if why is e.Outcome.LOST and query.perception.is_usable:
         yield from _remember_novel(query)
     if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
         raise QueryAborted(query.give_up_outcome)
     if query.consecutive_failures % LOOKS_PER_TURN == 0:
-        # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
-        query.begin_anew()
+        is_told = why is e.Outcome.LOST and (yield from tell_apart(query, LIKELY))
+        if not is_told:  # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
+            query.begin_anew()
     yield from query.driver.turn(TURN_RAD)
 
 
@@ -63,8 +65,10 @@ def _remember_novel(query: QueryState) -> Iterator[e.Event]:
         yield from query.apply(deltas)
 
 
-AT_TARGET_M, _AT_TARGET_RAD = 0.35, 0.3
-"""Largest distance from a target at which the robot is there by the place belief, in m and rad."""
+AT_TARGET_M = 0.35
+"""Largest distance from a target at which the robot is there by the place belief, in metres."""
+_AT_TARGET, _HERE = (AT_TARGET_M, 0.3), np.zeros(3)
+"""The same with the turn, in m and rad; the robot's pose in its own frame."""
 _BESIDE_M, _BESIDE_RAD = (0.5, 1.5), 0.4
 """Distances from the goal of images that should not show it as reached, in m, and their largest turn from it."""
 _ONWARD_M = 1.0
@@ -88,7 +92,9 @@ def check_goal(query: QueryState) -> EventGenerator[Arrival | None]:
     """Return the arrival if the image and the goal's neighbours in time match, and nothing speaks against it."""
     seen = query.perception.node_match(query.goal)
     if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
-        return None
+        # Along a bare wall, images of one place measure waypoints that differ by half a metre.
+        known = query.known_waypoint(query.goal, SURE)
+        return (yield from check_place(query)) if known is not None and agree(known, _HERE, _AT_TARGET) else None
     if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
         return None
     belief = query.places.belief()
@@ -111,14 +117,14 @@ def check_place(query: QueryState) -> EventGenerator[Arrival | None]:
     if not query.context.system.follows_places:
         seen = query.perception.node_match(query.goal)
         return Arrival(e.BY_WAYPOINT, seen.reachability, seen.distance)
-    yield from _survey(query)
-    if query.is_surveyed and not query.nodes_around(SURE):
+    survey = yield from _survey(query)
+    if not (survey.is_confirmed and query.nodes_around(SURE)):
         if not (yield from tell_apart(query, SURE)):
             yield from query.driver.wander(_ONWARD_M)
         query.survey = None
         return None
     known = query.surveyed_waypoint(query.goal)
-    if known is None or np.hypot(known[0], known[1]) > AT_TARGET_M or abs(wrap_angle(known[2])) > _AT_TARGET_RAD:
+    if known is None or not agree(known, _HERE, _AT_TARGET):
         return None
     return Arrival(e.BY_PLACE, query.perception.node_match(query.goal).reachability, float(distance(known)))
 
@@ -128,10 +134,10 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
     return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)
 
 
-def _survey(query: QueryState) -> EventGenerator[None]:
-    """Turn round once, unless that was done near here, and note whether the images show the believed place."""
-    if query.is_surveyed:
-        return
+def _survey(query: QueryState) -> EventGenerator[Survey]:
+    """Turn round once, unless that was done near here; return whether the images show the believed place."""
+    if query.survey is not None and query.is_surveyed:
+        return query.survey
     if query.surveys >= _MOST_SURVEYS:
         raise QueryAborted(e.Outcome.LOST)
     query.surveys += 1
@@ -147,10 +153,9 @@ def _survey(query: QueryState) -> EventGenerator[None]:
     is_confirmed = agreed > 0 and 3 * agreed >= expected
     query.survey = Survey(query.motion.odometry, is_confirmed)
     if not is_confirmed:
-        text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot localises anew."
+        text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot drives on."
         yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
-        yield from query.driver.wander(_ONWARD_M)
-        query.begin_anew()
+    return query.survey
 
 
 def _looks_different_from_beside(query: QueryState) -> bool:

@@ -11,7 +11,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.navigation.arrival import is_at_goal
-from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, Event, Outcome, QueryEnded, StampedEvent
+from ltvn_core.navigation.events import BY_IMAGE, BY_PLACE, AttemptStarted, Event, Outcome, QueryEnded, StampedEvent
 from ltvn_core.navigation.learning import judge_attempt
 from ltvn_core.types import Features, NodeId, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
@@ -79,6 +79,32 @@ def test_a_goal_whose_image_shows_something_else_now_is_reached_by_the_images_ar
     assert episode.reached
     assert (ended.rule, ended.reachability) == (BY_PLACE, 0.01)
     assert rules_at_the_end(events) == [(BY_PLACE, None)], "r was not what decided"
+
+
+class Vague(FlatPredictor):
+    """Recognises the goal, but never sees it nearer than 0.6 m before or behind, as along a bare wall."""
+
+    goal: NodeId
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        sources, targets = (np.asarray(each, np.float64) for each in np.broadcast_arrays(sources, targets))
+        answer = super().predict(sources, targets)
+        is_goal = is_live(sources) & (targets[:, 3] == self.goal)
+        ahead = answer.waypoints[is_goal, 0]
+        answer.waypoints[is_goal, 0] = np.copysign(np.maximum(np.abs(ahead), 0.6), ahead)
+        return answer
+
+
+def test_a_robot_that_is_sure_of_its_place_arrives_though_the_goal_never_seems_near() -> None:
+    place = mapped_rooms(ROBUST)
+    place.predictor = Vague(place.world)
+    place.predictor.goal = goal_of(place)
+    episode, events = place.go(goal_of(place))
+
+    assert episode.reached
+    assert end_of(events).rule == BY_PLACE
+    attempts = [event for event in events if isinstance(event, AttemptStarted)]
+    assert sum(attempt.target == goal_of(place) for attempt in attempts) < 3
 
 
 @pytest.mark.parametrize("near_m", [0.9, 2.0])

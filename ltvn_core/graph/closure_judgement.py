@@ -2,9 +2,9 @@
 
 In a building that repeats, the false closures may outnumber the true ones and agree with each other: then the course
 that fits most closures is wrong, and lays corridors over walls. So where one pass of the drive saw an obstacle on floor
-that another pass saw free, other courses are tried: some that trust odometry more, some that take a rejected group of
-closures for true, some that do without an accepted group. The one that makes the fewest contradictions stays. Owns this
-measure and this search (ours).
+that another pass saw free, other courses are tried, which trust odometry more, and the one that makes the fewest
+contradictions stays. And where a course bends odometry more than it errs, closures are searched without those across
+the bend. Owns these measures (ours).
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,8 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -90,23 +88,20 @@ class PassOverlay:
         return points[rows], self._scan_of[rows]
 
 
-_FEW = 0.01
-"""Share of contradictions up to which a course is not doubted: things move, and depth and course err a little."""
+_FEW = 0.001
+"""Share of contradictions up to which a course is not doubted, and that a better one must have fewer at least: things
+move, and depth and course err a little. Over rooms that are all alike, even a course that is 3 m off has only 0.004."""
 TOO_MANY = 0.04
 """Share of contradictions above which even the best course proves nothing."""
 _BETTER = 0.9
 """Share of the contradictions of a course that a better one may make at most."""
 _TRUST = (0.5, 0.35, 0.25, 0.18, 0.125)
 """Factors of the errors of odometry: where many closures agree on a false course, it bends odometry too much."""
-_ACCEPTED_M, _REJECTED_M = 6.0, 3.0
-"""Distance along the drive, at both ends, within which accepted or rejected closures are one group, in metres."""
-_GROUPS = 8
-"""Largest number of groups of each kind that are tried around one course, the largest first."""
-_MOST_TRIED = 48
 _NEAR = 12.0
 """Error in standard deviations up to which a course may still come to agree with a closure."""
-_MOVES_M = 0.3
-"""Least distance in metres by which another course moves an image."""
+_BEND_M, _MOST_BENT = 10.0, 12.0
+"""Way in metres over which the squared errors of odometry are summed, in standard deviations, and the sum above which
+a false course is suspected: the sum is below 4 nearly everywhere."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,11 +125,25 @@ class ClosureJudgement:
         best = self._judged(course)
         if best.contradicted > _FEW:
             other = min(self._trusting(along), key=lambda each: each.contradicted)
-            best = other if other.contradicted < _BETTER * best.contradicted else best
-        tried = set[bytes]()
-        while best.contradicted > _FEW and (better := self._better(best, tried)) is not None:
-            best = better
+            best = other if other.is_surer_than(best) else best
         return best
+
+    def straightened(self, course: OptimisedPoses) -> OptimisedPoses | None:
+        """Return the course without the closures across the place where `course` bends odometry most; None if it bends
+        it nowhere more than odometry errs.
+
+        Where a robot takes a room for the next one and goes on, all closures behind agree, and the bend is one place.
+        """
+        squared = (self.odometry.errors(course.poses) ** 2).sum(axis=1)
+        total = np.concatenate([[0.0], np.cumsum(squared)])
+        after = np.searchsorted(self.driven_m, self.driven_m + _BEND_M, side="right") - 1
+        first = int((total[after] - total).argmax())
+        if total[after[first]] - total[first] < _MOST_BENT:
+            return None
+        bend = first + int(squared[first : after[first]].argmax())
+        ends = np.sort([self.closures.first, self.closures.second], axis=0)
+        across = (ends[0] <= bend) & (bend < ends[1])
+        return optimise(self.poses, self.odometry, self.closures, among=~across)
 
     def _trusting(self, along: Pose | None) -> Iterator["JudgedCourse"]:
         """Yield courses that bend odometry less, and the one near `along` (K, 3)."""
@@ -144,27 +153,6 @@ class ClosureJudgement:
             trusting = replace(self.odometry, deviations=factor * self.odometry.deviations)
             yield self._judged(self._refined(optimise(self.poses, trusting, self.closures).poses))
 
-    def _better(self, best: "JudgedCourse", tried: set[bytes]) -> "JudgedCourse | None":
-        """Return the first course with a group of closures more or less that has clearly fewer contradictions."""
-        for course in self._others(best.course, tried):
-            if np.abs(course.poses - best.course.poses)[:, :2].max() >= _MOVES_M:
-                other = self._judged(course)
-                if other.contradicted < _BETTER * best.contradicted:
-                    return other
-        return None
-
-    def _others(self, best: OptimisedPoses, tried: set[bytes]) -> Iterator[OptimisedPoses]:
-        """Yield courses that take a rejected group for true, then those that do without an accepted one, each once."""
-        for rejected in (True, False):
-            among, reach_m = (~best.kept, _REJECTED_M) if rejected else (best.kept, _ACCEPTED_M)
-            for group in self._groups(among, reach_m):
-                key = bytes([rejected]) + group.tobytes()
-                if key in tried or len(tried) >= _MOST_TRIED:
-                    continue
-                tried.add(key)
-                chosen = {"sure": group} if rejected else {"among": ~group}
-                yield optimise(self.poses, self.odometry, self.closures, **chosen)
-
     def _judged(self, course: OptimisedPoses) -> "JudgedCourse":
         return JudgedCourse(course, self.overlay.contradicted(course.poses))
 
@@ -173,24 +161,6 @@ class ClosureJudgement:
         near = np.linalg.norm(self.closures.errors(poses), axis=1) < _NEAR
         return optimise(self.poses, self.odometry, self.closures, among=near)
 
-    def _groups(self, closures: NDArray[np.bool_], reach_m: float) -> Iterator[NDArray[np.bool_]]:
-        """Yield masks (C,) of the largest groups of some closures (C,): those between the same two stretches."""
-        rows = np.flatnonzero(closures)
-        ends_m = self.driven_m[np.stack([self.closures.first[rows], self.closures.second[rows]], axis=-1)]
-        for group in stretch_pairs(ends_m, reach_m)[:_GROUPS]:
-            yield np.isin(np.arange(len(closures)), rows[group])
-
-
-def stretch_pairs(ends_m: NDArray[np.float64], reach_m: float) -> list[NDArray[np.intp]]:
-    """Return the groups of closures (C,) between the same two stretches, the largest first.
-
-    `ends_m` (C, 2) are the distances driven before their images; those of neighbours differ by at most `reach_m`.
-    """
-    first, second = KDTree(ends_m).query_pairs(reach_m, p=np.inf, output_type="ndarray").T
-    near = coo_array((np.ones(len(first)), (first, second)), shape=(len(ends_m), len(ends_m)))
-    _, group_of = connected_components(near, directed=False)
-    return [np.flatnonzero(group_of == number) for number in np.argsort(-np.bincount(group_of), kind="stable")]
-
 
 class JudgedCourse(NamedTuple):
     """A course of key images, with what the depth images say about it."""
@@ -198,3 +168,7 @@ class JudgedCourse(NamedTuple):
     course: OptimisedPoses
     contradicted: float
     """Share of the obstacles met again where another pass saw free floor."""
+
+    def is_surer_than(self, other: "JudgedCourse") -> bool:
+        """Tell whether this course has clearly fewer contradictions than another."""
+        return self.contradicted < min(_BETTER * other.contradicted, other.contradicted - _FEW)

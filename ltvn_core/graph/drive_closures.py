@@ -16,11 +16,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import compose, distance, lengths_along, relative
-from ltvn_core.graph.closure_judgement import TOO_MANY, ClosureJudgement, PassOverlay, stretch_pairs
+from ltvn_core.graph.closure_judgement import TOO_MANY, ClosureJudgement, JudgedCourse, PassOverlay
 from ltvn_core.graph.corrections import LOOK_ALIKES, UNSURE, Correction, UnsurePlaces
 from ltvn_core.graph.drive_links import drive_links, surest_links
 from ltvn_core.graph.keyframes import KeyframeStore, odometry_of
@@ -147,12 +149,23 @@ def _unsure(
     ends = np.flatnonzero(np.concatenate([[True], ~(is_far[1:] & is_far[:-1] & is_whole), [True]]))
     open_m = way_m[ends[1:] - 1] - way_m[ends[:-1]]
     longest = int(open_m.argmax())
-    groups = stretch_pairs(false_m.reshape(-1, 2), _NEAR_M)[:_MOST_GROUPS]
+    groups = _stretch_pairs(false_m.reshape(-1, 2), _NEAR_M)[:_MOST_GROUPS]
     return UnsurePlaces(
         unconfirmed=round(float(open_m.sum()) / driven_m, 3),
         longest=(frames[ends[longest]], frames[ends[longest + 1] - 1]),
         look_alikes=tuple((false[rows[0]].other, false[rows[0]].frame, len(rows)) for rows in groups),
     )
+
+
+def _stretch_pairs(ends_m: NDArray[np.float64], reach_m: float) -> list[NDArray[np.intp]]:
+    """Return the groups of closures (C,) between the same two stretches, the largest first.
+
+    `ends_m` (C, 2) are the distances driven before their images; those of neighbours differ by at most `reach_m`.
+    """
+    first, second = KDTree(ends_m).query_pairs(reach_m, p=np.inf, output_type="ndarray").T
+    near = coo_array((np.ones(len(first)), (first, second)), shape=(len(ends_m), len(ends_m)))
+    _, group_of = connected_components(near, directed=False)
+    return [np.flatnonzero(group_of == number) for number in np.argsort(-np.bincount(group_of), kind="stable")]
 
 
 class ClosedDrives(NamedTuple):
@@ -218,11 +231,12 @@ class ClosureSearch:
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
         surest = drive.judgement(found, overlay).surest(course)
         if surest.course is not course:
-            closed = drive.corrected(found, surest.course)
-            gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
-            again = self._found(drive, range(len(drive.rows)), gate)
-            found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
-            surest = drive.judgement(found, overlay).surest(drive.course(found), along=surest.course.poses)
+            found, surest = self._again(drive, found, overlay, surest.course)
+        while (straight := drive.judgement(found, overlay).straightened(surest.course)) is not None:
+            more, other = self._again(drive, found, overlay, straight)
+            if not other.is_surer_than(surest):
+                break
+            found, surest = more, other
         if surest.contradicted <= TOO_MANY:
             return drive.corrected(found, surest.course)
         log.warning(
@@ -232,6 +246,16 @@ class ClosureSearch:
             100 * surest.contradicted,
         )
         return ClosedDrives(drive.stretch, rejected=tuple(found))
+
+    def _again(
+        self, drive: "_KeyImages", found: Sequence[DriveLink], overlay: PassOverlay, course: OptimisedPoses
+    ) -> tuple[Sequence[DriveLink], JudgedCourse]:
+        """Return the closures with those found along another course, and the surest course with them."""
+        closed = drive.corrected(found, course)
+        gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
+        again = self._found(drive, range(len(drive.rows)), gate)
+        found = [*{(link.frame, link.other): link for link in (*found, *again)}.values()]
+        return found, drive.judgement(found, overlay).surest(drive.course(found), along=course.poses)
 
     def _found(self, drive: "_KeyImages", batch: range, gate: OdometryGate) -> list[DriveLink]:
         """Return the loop closures from some key images to those that were taken well before them."""

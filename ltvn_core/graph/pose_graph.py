@@ -73,23 +73,22 @@ def optimise(
     closures: RelativePoses,
     *,
     among: NDArray[np.bool_] | bool = True,
-    sure: NDArray[np.bool_] | bool = False,
 ) -> OptimisedPoses:
     """Return the poses that agree best with odometry and the true closures, starting from a first guess (N, 3).
 
     Odometry must be a chain that joins all poses in order. A closure between places farther apart than the distance
     driven between them counts as false from the beginning, because one such closure would bend everything. Only
-    closures in the mask `among` (K,) can count as true; those in `sure` (K,) do.
+    closures in the mask `among` (K,) can count as true.
     """
     possible = _within_the_way(odometry, closures) & among
-    closures, sure = closures.among(possible), np.broadcast_to(sure, len(possible))[possible]
+    closures = closures.among(possible)
     worst = _squared(closures.errors(poses)).max(initial=0.0)
     weights = np.ones(len(closures.first))
     control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
     solver = _Solver()
     for _ in range(_MOST_ROUNDS):
         poses = _least_squares(poses, odometry, closures, weights, solver, most_steps=1, accuracy=_ROUGH)
-        weights = np.where(sure, 1.0, _truncated_weights(_squared(closures.errors(poses)), control))
+        weights = _truncated_weights(_squared(closures.errors(poses)), control)
         if ((weights == 0) | (weights == 1)).all():
             break
         control *= _GROWTH

@@ -81,3 +81,13 @@ def test_many_false_closures_that_agree_are_outweighed_by_what_the_depth_images_
     assert not surest.kept[true:].any()
     assert np.abs(surest.poses - poses())[:, :2].max() < 0.1
     assert (surest is most) == (true == 20)
+
+
+def test_a_course_that_takes_a_room_for_the_next_one_is_bent_in_one_place() -> None:
+    found = closures(true=0, false=16)
+    judgement = ClosureJudgement(poses(), odometry(), found, driven_m(), overlay())
+    straight = judgement.straightened(optimise(poses(), odometry(), found))
+    assert straight is not None
+    assert not straight.kept.any()
+    assert np.abs(straight.poses - poses())[:, :2].max() < 0.1
+    assert judgement.straightened(straight) is None

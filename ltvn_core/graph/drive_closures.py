@@ -233,6 +233,7 @@ class ClosureSearch:
         if surest.course is not course:
             found, surest = self._again(drive, found, overlay, surest.course)
         while (straight := drive.judgement(found, overlay).straightened(surest.course)) is not None:
+            log.warning("Loop closures bend odometry in one place; they are searched again without those across it.")
             more, other = self._again(drive, found, overlay, straight)
             if not other.is_surer_than(surest):
                 break

@@ -21,7 +21,8 @@ _PAIRS = 8
 """Largest number of pairs of images that are compared for two places."""
 _ALIKE = 0.8
 """Share of the pairs that show the same above which two places are look-alikes: of equal rooms, not all pairs are."""
-_MIN_REACHABILITY = 0.5
+MIN_REACHABILITY = 0.5
+"""r above which two images show one place."""
 
 
 Pair = tuple[NodeId, NodeId]
@@ -53,7 +54,7 @@ class Lookalikes:
     def _shows(self, pair: Pair, expected: Waypoint) -> bool:
         """Tell whether one image of a pair shows the other at the waypoint (3,) that equal rooms would give."""
         reachability, waypoint = self._seen[pair]
-        return reachability > _MIN_REACHABILITY and bool(agree(expected, waypoint, SAME_POSE))
+        return reachability > MIN_REACHABILITY and bool(agree(expected, waypoint, SAME_POSE))
 
 
 def _comparable(layout: NodeLayout, here: Pose, other: Pose) -> dict[Pair, Waypoint]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.geometry import agree, compose, invert, relative
-from ltvn_core.graph.lookalikes import Lookalikes
+from ltvn_core.graph.lookalikes import MIN_REACHABILITY, Lookalikes
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.node_layout import SAME_POSE, apart, lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -28,7 +28,6 @@ _MOST, _LEAST_LOG_WEIGHT = 120, -14.0
 """Largest number of hypotheses, and the lowest ln weight relative to the best."""
 _OVERLAP_M = 0.7
 """Distance within which a node should be recognised, in metres."""
-_MIN_REACHABILITY = 0.5
 _NEAREST_M, _DISAGREES = (0.0, 0.2, 0.4, 0.7), (-1.2, -1.0, -0.5, 0.3)
 """ln likelihood ratio of an image that disagrees with a place, by the distance of the nearest node in metres: images
 from the same spot seldom miss each other. Where no node is near, an image says nothing."""
@@ -232,7 +231,7 @@ class PlaceBelief:
         away_m = apart(expected)
         near = away_m < _OVERLAP_M
         match = self._matches_of(matches)[row]
-        recognised = (match >= 0) & (matches.reachability[match] > _MIN_REACHABILITY)
+        recognised = (match >= 0) & (matches.reachability[match] > MIN_REACHABILITY)
         agrees = near & recognised & agree(expected, matches.waypoints[match], SAME_POSE)
         nearest_m = np.full(count, np.inf)
         np.minimum.at(nearest_m, place[near], away_m[near])

@@ -46,7 +46,7 @@ class DepthScan(NamedTuple):
     """Ranges (B,) in metres up to which the image shows each bearing free, at most `ranges_m`; 0 if unknown."""
     lens_m: float
     """Height of the camera in metres."""
-    lowest: NDArray[np.float64]
+    lowest_slopes: NDArray[np.float64]
     """Slopes (B,) from the camera to the lowest point at each bearing, in metres a metre; NaN if unknown."""
 
     @classmethod
@@ -69,7 +69,7 @@ class DepthScan(NamedTuple):
         solid = are_solid(seen, height_m)
         scan.ranges_m[place] = RANGE_M
         np.minimum.at(scan.ranges_m, place[solid], away_m[solid])
-        np.fmin.at(scan.lowest, place, (seen[:, 2] - camera.height_m) / np.maximum(away_m, 1e-6))
+        np.fmin.at(scan.lowest_slopes, place, (seen[:, 2] - camera.height_m) / np.maximum(away_m, 1e-6))
         whole = _without_hole(place, (seen[:, 2] - camera.height_m) / np.maximum(seen[:, 0], 1e-6))
         np.maximum.at(scan.shown_m, place[whole], away_m[whole])
         np.minimum(scan.shown_m, scan.ranges_m, out=scan.shown_m)
@@ -112,7 +112,7 @@ class DepthScan(NamedTuple):
     def seen_above(self, bearing: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the heights (...) above which the image shows what is at bearings (...) and distances (...), because a
         camera sees over a low box right in front of the robot; NaN if unknown."""
-        return self.lens_m + np.fmax.reduce(self.lowest[self._around(bearing)]) * away_m
+        return self.lens_m + np.fmax.reduce(self.lowest_slopes[self._around(bearing)]) * away_m
 
     def _around(self, bearing: NDArray[np.float64]) -> NDArray[np.intp]:
         place = np.clip(self.bins(bearing), 1, len(self.ranges_m) - 2)

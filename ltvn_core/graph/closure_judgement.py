@@ -128,17 +128,17 @@ class ClosureJudgement:
             best = other if other.is_surer_than(best) else best
         return best
 
-    def straightened(self, course: OptimisedPoses) -> OptimisedPoses | None:
-        """Return the course without the closures across the place where `course` bends odometry most; None if it bends
-        it nowhere more than odometry errs.
+    def straightened(self, judged: "JudgedCourse") -> OptimisedPoses | None:
+        """Return the course without the closures across the place where a judged one bends odometry most; None if it
+        bends it nowhere more than odometry errs, or is not doubted.
 
         Where a robot takes a room for the next one and goes on, all closures behind agree, and the bend is one place.
         """
-        squared = (self.odometry.errors(course.poses) ** 2).sum(axis=1)
+        squared = (self.odometry.errors(judged.course.poses) ** 2).sum(axis=1)
         total = np.concatenate([[0.0], np.cumsum(squared)])
         after = np.searchsorted(self.driven_m, self.driven_m + _BEND_M, side="right") - 1
         first = int((total[after] - total).argmax())
-        if total[after[first]] - total[first] < _MOST_BENT:
+        if judged.contradicted <= _FEW or total[after[first]] - total[first] < _MOST_BENT:
             return None
         bend = first + int(squared[first : after[first]].argmax())
         ends = np.sort([self.closures.first, self.closures.second], axis=0)

@@ -225,14 +225,14 @@ class ClosureSearch:
 
     def _judged(self, drive: "_KeyImages", found: Sequence[DriveLink], course: OptimisedPoses) -> ClosedDrives:
         """Return the course that the depth images contradict least; odometry as it came if even that one is wrong. If
-        it does not fit most closures, the search followed a false course, and is made once more."""
+        it does not fit most closures, or is bent, the search followed a false course, and is made once more."""
         camera = self.matcher.predictor.camera
         height_m = self.matcher.keyframes.needed_space(camera).height_m
         overlay = PassOverlay([drive.stretch[row] for row in drive.rows], drive.driven_m, camera, height_m)
         surest = drive.judgement(found, overlay).surest(course)
         if surest.course is not course:
             found, surest = self._again(drive, found, overlay, surest.course)
-        while (straight := drive.judgement(found, overlay).straightened(surest.course)) is not None:
+        while (straight := drive.judgement(found, overlay).straightened(surest)) is not None:
             log.warning("Loop closures bend odometry in one place; they are searched again without those across it.")
             more, other = self._again(drive, found, overlay, straight)
             if not other.is_surer_than(surest):

@@ -3,7 +3,7 @@
 The image of the goal decides where it can: where the predictor recognises it, where the map's own images say that it
 looks different from beside, and where the place belief is sure. Otherwise the robot turns round once, and the images in
 all directions decide. The belief alone is no arrival, because it also follows a robot that went astray. A robot that is
-lost or has no path turns round as well, offers images that it does not recognise to the map, and finally gives up.
+lost or has no path turns round as well, offers new images to the map, drives to tell places apart, and gives up.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 
 
 def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
-    """Turn on the spot to look again; finally give up.
+    """Turn on the spot to look again, after a full turn drive to where the likeliest places differ; finally give up.
 
     Raises:
         QueryAborted: If the robot has looked around often enough.
@@ -41,9 +41,11 @@ def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
     if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
         raise QueryAborted(query.give_up_outcome)
     if query.consecutive_failures % LOOKS_PER_TURN == 0:
-        is_told = why is e.Outcome.LOST and (yield from tell_apart(query, LIKELY))
-        if not is_told:  # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
-            query.begin_anew()
+        is_unsure = why is e.Outcome.LOST and query.perception.is_usable and (query.place_p() or 1.0) <= LIKELY
+        if is_unsure and (yield from tell_apart(query, LIKELY)):
+            return
+        # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
+        query.begin_anew()
     yield from query.driver.turn(TURN_RAD)
 
 
@@ -89,21 +91,20 @@ class Arrival(NamedTuple):
 
 
 def check_goal(query: QueryState) -> EventGenerator[Arrival | None]:
-    """Return the arrival if the image and the goal's neighbours in time match, and nothing speaks against it."""
+    """Return the arrival if the image and the goal's neighbours in time match, and nothing speaks against it, or if the
+    robot is sure to be there and a turn confirms it."""
     seen = query.perception.node_match(query.goal)
-    if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
+    looks_near = is_at_goal(seen.reachability, seen.waypoint, query.method.judging)
+    if not looks_near or not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
         # Along a bare wall, images of one place measure waypoints that differ by half a metre.
         known = query.known_waypoint(query.goal, SURE)
         return (yield from check_place(query)) if known is not None and agree(known, _HERE, _AT_TARGET) else None
-    if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
-        return None
     belief = query.places.belief()
     p = 1.0 if belief is None else belief.probability_at(query.motion.odometry, query.goal, seen.waypoint)
     if belief is None or (p > SURE and _looks_different_from_beside(query)):
         return Arrival(e.BY_IMAGE, seen.reachability, seen.distance)
     if p <= LIKELY:
-        text = "The place looks like the goal, but the images of the whole query do not say so."
-        yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
+        yield e.Note("This looks like the goal, but the whole query does not.", e.Severity.WARN, rule=e.BY_PLACE)
         return None
     return (yield from check_place(query))
 
@@ -153,8 +154,7 @@ def _survey(query: QueryState) -> EventGenerator[Survey]:
     is_confirmed = agreed > 0 and 3 * agreed >= expected
     query.survey = Survey(query.motion.odometry, is_confirmed)
     if not is_confirmed:
-        text = f"Of {expected} images around, {agreed} show the place where the goal is; the robot drives on."
-        yield e.Note(text, e.Severity.WARN, rule=e.BY_PLACE)
+        yield e.Note(f"Of {expected} images around, {agreed} show the goal's place.", e.Severity.WARN, rule=e.BY_PLACE)
     return query.survey
 
 

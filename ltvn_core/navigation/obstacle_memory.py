@@ -1,7 +1,7 @@
 """Obstacle memory: obstacles near the robot, from recent depth images and collisions, and the distances to them.
 
 Owns the points, which of them count as noise, and how long each is remembered: a door frame leaves the image before the
-robot has passed it. Does not contain low obstacles close to the robot, which no image shows. Decides nothing:
+robot has passed it. Of low obstacles close to the robot, it has only those seen before. Decides nothing:
 `navigation.steering` does.
 """
 
@@ -94,7 +94,7 @@ _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 
 
 def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the nearest surface at each bearing, (K, 3) averages of solid points (M, 3).
+    """Return the nearest surface at each bearing, (K, 3) averages of solid points (M, 3) and their greatest heights.
 
     The nearest of thousands of noisy points lies centimetres before its wall, and a narrow way would look closed.
     """
@@ -106,8 +106,10 @@ def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float6
     third = np.cumsum(count) - count + np.minimum(count - 1, MAX_NOISE_POINTS)
     surface_m = away_m[order][third]
     near = np.abs(away_m - surface_m[bin_of]) < _SURFACE_M
-    sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in range(3)]
-    return np.stack(sums, axis=-1) / np.bincount(bin_of[near], minlength=len(bins))[:, None]
+    sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in (0, 1)]
+    top_m = np.zeros(len(bins))
+    np.maximum.at(top_m, bin_of[near], points[near, 2])
+    return np.stack([*(sums / np.bincount(bin_of[near], minlength=len(bins))), top_m], axis=-1)
 
 
 def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]:

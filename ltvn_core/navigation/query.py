@@ -32,7 +32,7 @@ MOST_OBSTRUCTIONS = 4
 """Number of obstructions in one query after which the robot plans no more paths through edges that seem closed."""
 _MOST_FRESH_HOPES = 2
 """Number of times that closed edges may be tried again, each after a full look around."""
-SURVEYED_M = 1.5
+_SURVEYED_M = 1.5
 """Distance from a turn on the spot within which what it showed still counts, in metres."""
 
 
@@ -120,7 +120,7 @@ class QueryState:
 
     # Renewed by `begin_anew`.
     first_looks: int = 0
-    """Number of turns since the place was forgotten, because the robot could be at several places."""
+    """Number of turns since the place was forgotten, because the robot was lost or could be at several places."""
     began_at_m: float = 0.0
     """Distance driven when the place was forgotten, in metres."""
     doubted: set[NodeId] = field(default_factory=set)
@@ -188,7 +188,7 @@ class QueryState:
     def is_surveyed(self) -> bool:
         """Whether the robot has turned round near here, to see what is around."""
         survey = self.survey
-        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < SURVEYED_M)
+        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M)
 
     def surveyed_waypoint(self, node: NodeId) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the images in all directions confirmed the sure place."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.closure_judgement import ClosureJudgement, PassOverlay
+from ltvn_core.graph.closure_judgement import ClosureJudgement, JudgedCourse, PassOverlay
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose
@@ -86,8 +86,8 @@ def test_many_false_closures_that_agree_are_outweighed_by_what_the_depth_images_
 def test_a_course_that_takes_a_room_for_the_next_one_is_bent_in_one_place() -> None:
     found = closures(true=0, false=16)
     judgement = ClosureJudgement(poses(), odometry(), found, driven_m(), overlay())
-    straight = judgement.straightened(optimise(poses(), odometry(), found))
+    straight = judgement.straightened(JudgedCourse(optimise(poses(), odometry(), found), 0.02))
     assert straight is not None
     assert not straight.kept.any()
     assert np.abs(straight.poses - poses())[:, :2].max() < 0.1
-    assert judgement.straightened(straight) is None
+    assert judgement.straightened(JudgedCourse(straight, 0.02)) is None

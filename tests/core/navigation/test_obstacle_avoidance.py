@@ -38,12 +38,8 @@ def command(depth: np.ndarray, length_m: float = 2.0, twist: Twist = AHEAD) -> T
     )
 
 
-def test_an_empty_floor_is_free() -> None:
-    assert len(obstacle_points(scene(), LENS, height_m=HEIGHT_M)) == 0
-    assert command(scene()) == AHEAD
-
-
 def test_points_lie_where_the_camera_sees_them() -> None:
+    assert len(obstacle_points(scene(), LENS, height_m=HEIGHT_M)) == 0
     points = obstacle_points(scene((0.9, 0.5, 0.3, 0.5)), LENS, height_m=HEIGHT_M)
     assert np.allclose(points[:, 0], 0.9)
     assert points[:, 1].min() > 0.28

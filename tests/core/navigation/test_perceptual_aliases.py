@@ -22,6 +22,7 @@ from ltvn_core.navigation.perception import MotionExecutor, PassiveLocaliser, Pe
 from ltvn_core.navigation.query import NavigationContext, QueryState
 from ltvn_core.types import Features, Prediction
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room, tour
+from tests.core.navigation.blind_world import BlindedRobot, DepthPredictor
 
 APART = np.array([7.0, 0.0, 0.0, 0.0])
 WAY = [(0.6, 1.0), (13.4, 1.0), (0.6, 1.0)]
@@ -31,7 +32,7 @@ CREDULOUS = replace(ROBUST, localising=replace(ROBUST.localising, follow_places=
 
 
 @dataclass
-class AliasedPredictor(FlatPredictor):
+class AliasedPredictor(DepthPredictor):
     """Cannot tell the stretch of the corridor from 3 m to 5 m from the one from 10 m to 12 m."""
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
@@ -49,8 +50,8 @@ def _inside(features: Features) -> NDArray[np.bool_]:
     return ((x > 3) & (x < 5)) | ((x > 10) & (x < 12))
 
 
-def drive(method: Method, start_x: float, *goals_x: float) -> tuple[QueryResult, TopologicalGraph]:
-    """Drive along the corridor from goal to goal; return how the last query ended."""
+def drive(method: Method, start_x: float, *goals_x: float, sees: int = 100_000) -> tuple[QueryResult, TopologicalGraph]:
+    """Drive along the corridor from goal to goal, with depth for some steps; return how the last query ended."""
     world = FlatWorld(np.array(box(14.0, 2.0)))
     images, predictor = list(tour(WAY)), AliasedPredictor(world)
     keyframes = KeyframeStore(predictor)
@@ -58,7 +59,8 @@ def drive(method: Method, start_x: float, *goals_x: float) -> tuple[QueryResult,
     poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}
     ahead = [node for node in graph.nodes if abs(poses[node][2]) < 0.1]
     goals = [min(ahead, key=lambda node: abs(poses[node][0] - goal_x)) for goal_x in goals_x]
-    robot = FlatRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
+    robot = BlindedRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
+    robot.blind = lambda pose, step: step > 100_000 + sees
     method = replace(method, maintain=False)
     navigator = Navigator(robot, graph, keyframes, predictor, ltvn_system(method), np.random.default_rng(0))
     episodes = [
@@ -84,6 +86,11 @@ def test_a_robot_that_could_be_at_its_goal_or_at_its_alias_drives_on_to_find_out
     for start_x, goal_x in ((4.0, 4.0), (11.0, 4.0), (4.0, 11.0)):
         query, _ = drive(ROBUST, start_x, goal_x)
         assert (query.outcome, query.reached) == (Outcome.ARRIVED, True)
+
+
+def test_a_robot_that_has_lost_its_depth_does_not_drive_blind_to_find_out() -> None:
+    query, _ = drive(ROBUST, 11.0, 8.0, sees=3)
+    assert (query.outcome, query.path_m) == (Outcome.LOST, 0.0)
 
 
 def test_a_robot_that_arrived_still_knows_where_it_is_at_the_next_goal() -> None:

@@ -101,7 +101,7 @@ _NEAR = 12.0
 """Error in standard deviations up to which a course may still come to agree with a closure."""
 _BEND_M, _MOST_BENT = 10.0, 12.0
 """Way in metres over which the squared errors of odometry are summed, in standard deviations, and the sum above which
-a false course is suspected: the sum is below 4 nearly everywhere."""
+a false course is suspected, of a robot that took a room for the next one and went on: it is below 4 nearly always."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,8 +131,6 @@ class ClosureJudgement:
     def straightened(self, judged: "JudgedCourse") -> OptimisedPoses | None:
         """Return the course without the closures across the place where a judged one bends odometry most; None if it
         bends it nowhere more than odometry errs, or is not doubted.
-
-        Where a robot takes a room for the next one and goes on, all closures behind agree, and the bend is one place.
         """
         squared = (self.odometry.errors(judged.course.poses) ** 2).sum(axis=1)
         total = np.concatenate([[0.0], np.cumsum(squared)])

@@ -25,7 +25,7 @@ TURN_RAD, LOOKS_PER_TURN = 0.52, 12
 
 
 def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
-    """Turn on the spot to look again, after a full turn drive to where the likeliest places differ; finally give up.
+    """Turn on the spot to look again, drive on after each full turn, and finally give up.
 
     Raises:
         QueryAborted: If the robot has looked around often enough.
@@ -36,17 +36,20 @@ def recover(query: QueryState, why: e.Outcome) -> EventGenerator[None]:
     query.consecutive_failures += 1
     query.first_looks += 1
     query.plan = ()
-    if why is e.Outcome.LOST and query.perception.is_usable:
+    is_lost = why is e.Outcome.LOST and query.perception.is_usable
+    if is_lost:
         yield from _remember_novel(query)
     if query.consecutive_failures >= query.method.recovering.give_up_after_looks:
         raise QueryAborted(query.give_up_outcome)
     if query.consecutive_failures % LOOKS_PER_TURN == 0:
-        is_unsure = why is e.Outcome.LOST and query.perception.is_usable and (query.place_p() or 1.0) <= LIKELY
-        if is_unsure and (yield from tell_apart(query, LIKELY)):
+        if is_lost and (query.place_p() or 1.0) <= LIKELY and (yield from tell_apart(query, LIKELY)):
             return
         # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
         query.begin_anew()
     yield from query.driver.turn(TURN_RAD)
+    has_looked = is_lost and query.consecutive_failures >= LOOKS_PER_TURN and query.context.system.follows_places
+    if has_looked and query.motion.path_m - query.began_at_m < _ONWARD_M / 2:
+        yield from query.driver.wander(_ONWARD_M)
 
 
 def turn_to_see(query: QueryState) -> EventGenerator[None]:
@@ -151,11 +154,10 @@ def _survey(query: QueryState) -> EventGenerator[Survey]:
             if place is not None and place.expects_image:
                 expected += 1
                 agreed += place.is_recognised
-    is_confirmed = agreed > 0 and 3 * agreed >= expected
-    query.survey = Survey(query.motion.odometry, is_confirmed)
-    if not is_confirmed:
+    query.survey = survey = Survey(query.motion.odometry, 3 * agreed >= max(expected, 1))
+    if not survey.is_confirmed:
         yield e.Note(f"Of {expected} images around, {agreed} show the goal's place.", e.Severity.WARN, rule=e.BY_PLACE)
-    return query.survey
+    return survey
 
 
 def _looks_different_from_beside(query: QueryState) -> bool:

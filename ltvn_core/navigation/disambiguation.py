@@ -33,14 +33,14 @@ def is_ambiguous(query: QueryState) -> bool:
 
 def tell_apart(query: QueryState, enough: float) -> EventGenerator[bool]:
     """Drive to a node that shows at which of several places the robot is, until one of them is more probable than
-    `enough`; return whether there was a way to drive."""
+    `enough`; return whether that led anywhere."""
     way = _way(query)
     if not way:
         return False
     text = f"The images fit several places that look alike; the robot drives over {len(way)} nodes to tell them apart."
     yield e.Note(text, rule=e.BY_PLACE)
     yield from query.enter(e.NavigatorState.DRIVING)
-    steps_before = query.motion.steps
+    steps_before, before_m = query.motion.steps, query.motion.path_m
     for node, pose in way.items():
         # The robot keeps to its way though another place may have become the likeliest one.
         waypoint = relative(query.motion.odometry, pose)
@@ -52,7 +52,7 @@ def tell_apart(query: QueryState, enough: float) -> EventGenerator[bool]:
             break
     if query.motion.steps == steps_before:
         yield from query.motion.wait_one_step()
-    return True
+    return query.motion.path_m - before_m > _LOOKED_M / 2
 
 
 def _way(query: QueryState) -> dict[NodeId, Pose]:

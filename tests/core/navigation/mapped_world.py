@@ -55,7 +55,8 @@ class MappedWorld:
         return episode, events
 
     def nearest(self, x: float, y: float) -> NodeId:
-        return min(self.graph.nodes, key=lambda node: math.dist(self.poses[node][:2], (x, y)))
+        known = (node for node in self.graph.nodes if node in self.poses)
+        return min(known, key=lambda node: math.dist(self.poses[node][:2], (x, y)))
 
 
 def map_world(

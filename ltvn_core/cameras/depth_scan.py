@@ -89,7 +89,7 @@ class DepthScan(NamedTuple):
         return cls.of(camera, seen.stamp, pose, points, height_m)
 
     def polar(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distances (M,) and bearings (M,), relative to the image, of points (M, 2) in the odometry frame."""
+        """Return distances (M,) and bearings (M,), seen from the image, of points (M, 2 or 3) in the odometry frame."""
         x, y, yaw = invert(self.pose)
         cos = np.cos(yaw)
         sin = np.sin(yaw)

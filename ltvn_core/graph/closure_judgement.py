@@ -130,8 +130,7 @@ class ClosureJudgement:
 
     def straightened(self, judged: "JudgedCourse") -> OptimisedPoses | None:
         """Return the course without the closures across the place where a judged one bends odometry most; None if it
-        bends it nowhere more than odometry errs, or is not doubted.
-        """
+        bends it nowhere more than odometry errs, or is not doubted."""
         squared = (self.odometry.errors(judged.course.poses) ** 2).sum(axis=1)
         total = np.concatenate([[0.0], np.cumsum(squared)])
         after = np.searchsorted(self.driven_m, self.driven_m + _BEND_M, side="right") - 1

@@ -140,8 +140,8 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
 
 def _survey(query: QueryState) -> EventGenerator[Survey]:
     """Turn round once, unless that was done near here; return whether the images show the believed place."""
-    if query.survey is not None and query.is_surveyed:
-        return query.survey
+    if (here := query.survey_here) is not None:
+        return here
     if query.surveys >= _MOST_SURVEYS:
         raise QueryAborted(e.Outcome.LOST)
     query.surveys += 1

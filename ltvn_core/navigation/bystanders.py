@@ -184,7 +184,7 @@ class MovingObstacles:
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which points (M, 3) an earlier image showed to be free (M,), and which as an obstacle (M,)."""
-    away_m, bearing = scan.polar(points[:, :2])
+    away_m, bearing = scan.polar(points)
     inside = scan.inside(bearing)
     beside = scan.beside(bearing)
     free = inside & scan.shows_past(bearing, away_m + FREE_BEYOND_M)

@@ -100,7 +100,7 @@ def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float6
     """
     if not len(points):
         return points
-    away_m, bearing = scan.polar(points[:, :2])
+    away_m, bearing = scan.polar(points)
     bins, bin_of, count = np.unique(scan.bins(bearing), return_inverse=True, return_counts=True)
     order = np.lexsort((away_m, bin_of))
     third = np.cumsum(count) - count + np.minimum(count - 1, MAX_NOISE_POINTS)
@@ -117,7 +117,7 @@ def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]
 
     In the first case the obstacle is gone, or was never there, unless the image sees over it.
     """
-    away_m, bearing = scan.polar(points[:, :2])
+    away_m, bearing = scan.polar(points)
     beside_m = scan.beside(bearing)
     beyond_m = away_m - beside_m
     is_again = ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)

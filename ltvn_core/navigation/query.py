@@ -185,15 +185,16 @@ class QueryState:
         return {} if place is None or place.probability <= probability else place.nodes
 
     @property
-    def is_surveyed(self) -> bool:
-        """Whether the robot has turned round near here, to see what is around."""
+    def survey_here(self) -> Survey | None:
+        """The last turn on the spot, if it was made near here."""
         survey = self.survey
-        return survey is not None and bool(np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M)
+        is_here = survey is not None and np.hypot(*(self.motion.odometry - survey.odometry)[:2]) < _SURVEYED_M
+        return survey if is_here else None
 
     def surveyed_waypoint(self, node: NodeId) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the images in all directions confirmed the sure place."""
-        is_confirmed = self.survey is not None and self.survey.is_confirmed and self.is_surveyed
-        return self.known_waypoint(node, SURE) if is_confirmed else None
+        here = self.survey_here
+        return self.known_waypoint(node, SURE) if here is not None and here.is_confirmed else None
 
     def is_recognised(self, reachability: float) -> bool:
         """Tell whether a node with this r is recognised."""
